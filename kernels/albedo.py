@@ -1,0 +1,160 @@
+"""Directional albedo: the share of light from one direction that leaves the surface.
+
+The hemisphere of outgoing directions is integrated over half vectors, where
+lobes sit at the normal whatever the incidence: nodes crowd geometrically around
+the normal, so that a lobe of alpha 0.001 is resolved, and end exactly at the
+horizon, so that nothing is cut off in the middle of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lobefit.kernels.device import Device, get_device
+from lobefit.kernels.errors import ModelError
+from lobefit.kernels.evaluate import Params, basis_values
+from lobefit.kernels.geometry import MIN_COSINE, Directions
+from lobefit.kernels.library import Model, get_model
+from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
+from lobefit.kernels.program import ModelProgram, model_program
+
+__all__ = ["HemisphereGrid", "basis_albedo", "coarse_grid", "directional_albedo"]
+
+Array = NDArray[np.float64]
+
+# Away from the normal panels are even: V-cavity masking has kinks there.
+PANELS = np.linspace(0.125, 1.0, 29)[1:]
+
+
+class HemisphereGrid:
+    """Quadrature nodes over outgoing directions for one direction of incidence.
+
+    Parameters
+    ----------
+    device : Device
+        Where the directions are kept.
+    theta_i, phi_i : float
+        Incidence in radians, above the horizon.
+    order : int
+        Gauss-Legendre nodes per panel; 8 is the standard, fewer are faster.
+    azimuths : int
+        Azimuths of the half vector.
+
+    Attributes
+    ----------
+    directions : Directions
+        The nodes.
+    weights : ndarray, shape (N,)
+        Solid angle times cos_theta_o of each node: ``sum(weights) = pi``.
+    """
+
+    def __init__(
+        self, device: Device, theta_i: float, phi_i: float, order: int = 8, azimuths: int = 256
+    ) -> None:
+        cos_i, sin_i = np.cos(theta_i), np.sin(theta_i)
+        # Half the azimuths would do by symmetry for isotropic models only.
+        phi_h = (np.arange(azimuths) + 0.5) * (2.0 * np.pi / azimuths)
+        # Where wo, the reflection of wi by h, reaches the horizon.
+        theta_end = 0.5 * np.arctan2(cos_i, -sin_i * np.cos(phi_h))
+        edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.125, 11), PANELS])
+        node, node_weight = np.polynomial.legendre.leggauss(order)
+        width = np.diff(edges)[:, None]
+        u = (edges[:-1, None] + 0.5 * width * (node + 1.0)).ravel()
+        u_weight = (0.5 * width * node_weight).ravel()
+
+        theta_h = theta_end[:, None] * u
+        phi = np.broadcast_to(phi_h[:, None], theta_h.shape)
+        sin_h, cos_h = np.sin(theta_h), np.cos(theta_h)
+        h = np.stack([sin_h * np.cos(phi), sin_h * np.sin(phi), cos_h])
+        # Incidence in the plane phi = 0; phi_i turns everything afterwards.
+        i_dot_h = sin_i * h[0] + cos_i * h[2]
+        o = 2.0 * i_dot_h * h - np.array([sin_i, 0.0, cos_i])[:, None, None]
+        # d wo = 4 (i.h) d wh,  d wh = sin(theta_h) d theta_h d phi_h
+        solid = 4.0 * i_dot_h * sin_h * theta_end[:, None] * u_weight * (2.0 * np.pi / azimuths)
+        self.weights: Array = (solid * o[2]).ravel()
+        theta_o = np.arctan2(np.hypot(o[0], o[1]), o[2])
+        self.directions = Directions(
+            device,
+            theta_i,
+            phi_i,
+            np.clip(theta_o, 0.0, np.pi).ravel(),
+            (np.arctan2(o[1], o[0]) + phi_i).ravel(),
+        )
+
+
+@lru_cache(maxsize=32)
+def coarse_grid(device: Device, theta_i: float, phi_i: float) -> HemisphereGrid:
+    """Give a grid good to three digits, kept for the next model (1 MB each)."""
+    return HemisphereGrid(device, theta_i, phi_i, order=4, azimuths=64)
+
+
+def basis_albedo(program: ModelProgram, grid: HemisphereGrid, x: Array) -> Array:
+    """Integrate each basis function times cos_theta_o over the hemisphere.
+
+    Parameters
+    ----------
+    program : ModelProgram
+        The model.
+    grid : HemisphereGrid
+        One direction of incidence.
+    x : ndarray, shape (P, n_x)
+        Nonlinear parameters.
+
+    Returns
+    -------
+    ndarray, shape (P, n_basis)
+        Directional albedo of each basis function.
+    """
+    return basis_values(program, grid.directions, x) @ grid.weights
+
+
+def directional_albedo(
+    model: str | Model,
+    params: Params,
+    theta_i: ArrayLike,
+    phi_i: float = 0.0,
+    *,
+    options: Mapping[str, str] | None = None,
+    device: str | Device | None = None,
+) -> Array:
+    """Integrate f cos_theta_o over the outgoing hemisphere, for each incidence.
+
+    Parameters
+    ----------
+    model, params, options, device
+        As for `lobefit.kernels.evaluate`.
+    theta_i : array_like, shape (M,)
+        Zenith angles of incidence in radians, below 90 degrees.
+    phi_i : float
+        Azimuth of incidence in radians; matters for anisotropic models.
+
+    Returns
+    -------
+    ndarray, shape (channels, M)
+        Directional albedo; above 1 the surface gives out more than it receives.
+
+    Raises
+    ------
+    ModelError
+        As `evaluate`, and for incidence at or below the horizon.
+    """
+    known = model if isinstance(model, Model) else get_model(model)
+    program = model_program(known, options)
+    full = complete(known, params)
+    x, coefficients = nonlinear_of(known, full), coefficients_of(known, full)
+    angles = np.atleast_1d(np.asarray(theta_i, dtype=np.float64))
+    if not (
+        np.isfinite(angles).all() and (angles >= 0).all() and (np.cos(angles) > MIN_COSINE).all()
+    ):
+        raise ModelError("the albedo needs theta_i in radians, from 0 to below pi/2")
+    opened = get_device(device)
+    columns = []
+    for theta in angles:
+        grid = HemisphereGrid(opened, float(theta), float(phi_i))
+        columns.append((basis_albedo(program, grid, x) * coefficients).sum(axis=1))
+        grid.directions.release()
+    return np.stack(columns, axis=1)

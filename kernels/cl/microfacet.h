@@ -1,0 +1,43 @@
+// The pieces of a microfacet lobe B = D G / (4 cos_theta_i cos_theta_o).
+// D is normalised so that the integral of D cos_theta_h over the hemisphere is 1.
+
+// Beckmann & Spizzichino 1963; Walter et al. 2007, eq. 25. t2 = tan^2(theta_h).
+static inline real beckmann_D(const real t2, const scalar alpha) {
+  const scalar inv_alpha2 = 1.0 / (alpha * alpha);
+  return INV_PI * inv_alpha2 * square(1.0 + t2) * exp(-t2 * inv_alpha2);
+}
+
+// Trowbridge & Reitz 1975; Walter et al. 2007, eq. 33, over alpha^2 + tan^2(theta_h).
+static inline real ggx_D(const real t2, const scalar alpha) {
+  return INV_PI * square(alpha * (1.0 + t2) / (alpha * alpha + t2));
+}
+
+// V-cavities, Torrance & Sparrow 1967; Cook & Torrance 1982.
+static inline real v_cavity_G(const geometry g, const real t2) {
+  const real two_cos_h_by_cos_d = 2.0 * rsqrt(1.0 + t2) / (1.0 - g.one_minus_cos_d);
+  return fmin(1.0, two_cos_h_by_cos_d * fmin(g.cos_theta_i, g.cos_theta_o));
+}
+
+// sqrt(alpha^2 + (1 - alpha^2) cos^2) = cos sqrt(1 + alpha^2 tan^2), finite at grazing.
+static inline real ggx_smith_root(const real cos_theta, const scalar alpha) {
+  const scalar alpha2 = alpha * alpha;
+  return sqrt(alpha2 + (1.0 - alpha2) * square(cos_theta));
+}
+
+// Height-correlated Smith G over 4 cos_theta_i cos_theta_o; Heitz 2014, eq. 99.
+static inline real ggx_visibility_smith_correlated(const geometry g, const scalar alpha) {
+  return 0.5 / (g.cos_theta_o * ggx_smith_root(g.cos_theta_i, alpha) +
+                g.cos_theta_i * ggx_smith_root(g.cos_theta_o, alpha));
+}
+
+// Separable Smith G over 4 cos_theta_i cos_theta_o; Walter et al. 2007, eq. 23 and 34.
+static inline real ggx_visibility_smith_separable(const geometry g, const scalar alpha) {
+  return 1.0 / ((g.cos_theta_i + ggx_smith_root(g.cos_theta_i, alpha)) *
+                (g.cos_theta_o + ggx_smith_root(g.cos_theta_o, alpha)));
+}
+
+// Weight of white in Schlick's Fresnel term: F = F0 (1 - s) + s. Schlick 1994, eq. 15.
+static inline real schlick_weight(const geometry g) {
+  const real m = g.one_minus_cos_d;
+  return square(square(m)) * m;
+}

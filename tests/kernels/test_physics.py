@@ -1,0 +1,218 @@
+"""What must hold for every registered model; a new model is held to it without an edit here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lobefit.kernels import evaluate, models
+from lobefit.kernels.geometry import Precision
+from tests.kernels.strategies import (
+    Directions,
+    Params,
+    awkward_directions,
+    directions,
+    legal_params,
+    rotated,
+)
+from tests.kernels.transcriptions import Array, load
+
+ORDINARY = directions(4096, seed=1)
+AWKWARD = awkward_directions()
+
+every_model = pytest.mark.parametrize("name", models())
+# The same examples in every run, and no limit on one that pays for compiling a kernel.
+examples = settings(max_examples=40, deadline=None, derandomize=True, database=None)
+
+
+def values(
+    name: str, params: Params, d: Directions, precision: Precision = "double"
+) -> npt.NDArray[np.float64]:
+    return evaluate(name, params, *d, precision=precision)
+
+
+def reference(name: str, params: Params, d: Directions) -> Array:
+    return load(name)(*d.exact(), **params)
+
+
+@every_model
+def test_reference_values_of_the_record(name: str) -> None:
+    references = models()[name].lobe.references
+    assert len(references) >= 3
+    for row in references:
+        angles = np.radians([row.theta_i, row.phi_i, row.theta_o, row.phi_o])
+        # Values are given to 16 digits; the angles are rounded on their way to radians.
+        assert evaluate(name, row.params, *angles).item() == pytest.approx(row.value, rel=1e-12)
+
+
+def test_every_model_has_a_transcription() -> None:
+    assert models()
+    for name in models():
+        assert callable(load(name))
+
+
+@every_model
+@given(data=st.data())
+@examples
+def test_double_agrees_with_transcription(name: str, data: st.DataObject) -> None:
+    params = data.draw(legal_params(models()[name]))
+    expected = reference(name, params, ORDINARY)
+    # Vectors are rounded to 1e-16, slopes at 89 degrees to 3e-15; the narrowest lobe, 1e-4
+    # wide, sees that as 3e-11 of its width. Below 1e-12 nothing is left to compare.
+    np.testing.assert_allclose(values(name, params, ORDINARY), expected, rtol=2e-10, atol=1e-12)
+
+
+@every_model
+def test_double_agrees_to_rounding_for_a_wide_lobe(name: str) -> None:
+    params = off_default(name)
+    expected = reference(name, params, ORDINARY)
+    # The same rounding, seen by a lobe 0.15 wide.
+    np.testing.assert_allclose(values(name, params, ORDINARY), expected, rtol=2e-13)
+
+
+@every_model
+@given(data=st.data())
+@examples
+def test_double_agrees_at_awkward_directions(name: str, data: st.DataObject) -> None:
+    params = data.draw(legal_params(models()[name]))
+    expected = reference(name, params, AWKWARD)
+    # At 89.9999 degrees |H| may be 3e-6, so that its rounding of 1e-16 becomes 3e-11 of a
+    # slope: the narrowest lobe sees 3e-7 of its width.
+    np.testing.assert_allclose(values(name, params, AWKWARD), expected, rtol=1e-6, atol=1e-12)
+
+
+@every_model
+@pytest.mark.parametrize("d", [ORDINARY, AWKWARD], ids=["ordinary", "awkward"])
+@given(data=st.data())
+@examples
+def test_single_agrees_with_double(name: str, d: Directions, data: st.DataObject) -> None:
+    params = data.draw(legal_params(models()[name]))
+    double = values(name, params, d)
+    single = values(name, params, d, precision="single")
+    # Parameters and slopes carry 6e-8 each; in an exponent of 80, the largest above 1e-30 or
+    # so, that is 1e-5. The narrow axis of an anisotropic lobe sees the rounding of slopes as
+    # long as the wide axis.
+    rtol = 2e-5 + 1e-6 * elongation(name, params)
+    np.testing.assert_allclose(single, double, rtol=rtol, atol=1e-30)
+
+
+@every_model
+@pytest.mark.parametrize("precision", ["double", "single"])
+@given(data=st.data())
+@examples
+def test_finite_and_not_negative(name: str, precision: Precision, data: st.DataObject) -> None:
+    params = data.draw(legal_params(models()[name]))
+    f = values(name, params, AWKWARD, precision=precision)
+    assert np.all(np.isfinite(f))
+    assert np.all(f >= 0)
+
+
+@every_model
+@given(data=st.data())
+@examples
+def test_reciprocity_is_as_declared(name: str, data: st.DataObject) -> None:
+    params = data.draw(legal_params(models()[name]))
+    f, swapped = values(name, params, ORDINARY), values(name, params, ORDINARY.swapped())
+    if models()[name].reciprocal:
+        # Exchanging i and o only changes the order of additions.
+        np.testing.assert_allclose(swapped, f, rtol=1e-13, atol=1e-200)
+
+
+@every_model
+def test_declared_violations_are_real(name: str) -> None:
+    """A model that is not reciprocal or not isotropic at its defaults must show it."""
+    params = off_default(name)
+    f = values(name, params, ORDINARY)
+    if not models()[name].reciprocal:
+        assert not np.allclose(values(name, params, ORDINARY.swapped()), f, rtol=1e-3)
+    if not models()[name].isotropic:
+        assert not np.allclose(values(name, params, rotated(ORDINARY, 1.0)), f, rtol=1e-3)
+
+
+@every_model
+@given(data=st.data(), angle=st.floats(0, 2 * math.pi))
+@examples
+def test_turning_the_sample(name: str, data: st.DataObject, angle: float) -> None:
+    """Isotropic: only phi_o - phi_i matters. Anisotropic: the axes turn with the sample."""
+    params = data.draw(legal_params(models()[name]))
+    f = values(name, params, ORDINARY)
+    axes = models()[name].lobe.axes
+    if axes is not None:
+        phi_x = axes[2]
+        before = params[phi_x]
+        assert isinstance(before, float)
+        params = params | {phi_x: (before + angle) % math.pi}
+    turned = values(name, params, rotated(ORDINARY, angle))
+    # The sum phi + angle is rounded to 1e-15, ten times what vectors carry
+    # otherwise; the tolerance is that of the transcription, times ten.
+    np.testing.assert_allclose(turned, f, rtol=2e-9, atol=1e-12)
+
+
+@every_model
+@given(data=st.data())
+@examples
+def test_half_a_turn_changes_nothing(name: str, data: st.DataObject) -> None:
+    """An isotropic surface and one with two axes look the same after 180 degrees."""
+    params = data.draw(legal_params(models()[name]))
+    f = values(name, params, ORDINARY)
+    half = values(name, params, rotated(ORDINARY, math.pi))
+    np.testing.assert_allclose(half, f, rtol=2e-9, atol=1e-12)
+
+
+@every_model
+@given(data=st.data())
+@examples
+def test_mirror_image(name: str, data: st.DataObject) -> None:
+    """Reflecting everything at the xz plane, the axis included, changes nothing."""
+    params = data.draw(legal_params(models()[name]))
+    f = values(name, params, ORDINARY)
+    axes = models()[name].lobe.axes
+    if axes is not None:
+        phi_x = axes[2]
+        before = params[phi_x]
+        assert isinstance(before, float)
+        params = params | {phi_x: -before % math.pi}
+    theta_i, phi_i, theta_o, phi_o = ORDINARY
+    image = values(name, params, Directions(theta_i, -phi_i, theta_o, -phi_o))
+    np.testing.assert_allclose(image, f, rtol=2e-9, atol=1e-12)
+
+
+@every_model
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("below", [90.0, 90.0001, 135.0, 180.0])
+def test_zero_below_the_horizon(name: str, precision: Precision, below: float) -> None:
+    params = off_default(name)
+    turn = np.radians([0.0, 60.0, 180.0, 300.0])
+    down, up = np.full(4, math.radians(below)), np.full(4, math.radians(40.0))
+    for d in (Directions(down, turn, up, 0 * turn), Directions(up, 0 * turn, down, turn)):
+        assert np.all(values(name, params, d, precision=precision) == 0.0)
+    d = Directions(down, turn, down, turn + math.pi)
+    assert np.all(values(name, params, d, precision=precision) == 0.0)
+    assert np.all(values(name, params, Directions(up, turn, up, turn)) > 0.0)
+
+
+def off_default(name: str) -> Params:
+    """Defaults, but with a diffuse term, a lobe, and axes that differ by a factor of three."""
+    model = models()[name]
+    params: Params = {p.name: p.default for p in model.parameters}
+    params |= {p.name: 0.5 for p in model.linear}
+    if model.lobe.axes is not None:
+        wide, narrow, phi_x = model.lobe.axes
+        params |= {wide: 0.45, narrow: 0.15, phi_x: 0.4}
+    return params
+
+
+def elongation(name: str, params: Params) -> float:
+    """Ratio of the axes of an anisotropic lobe, else 1."""
+    axes = models()[name].lobe.axes
+    if axes is None:
+        return 1.0
+    wide, narrow = params[axes[0]], params[axes[1]]
+    assert isinstance(wide, float)
+    assert isinstance(narrow, float)
+    return wide / narrow
