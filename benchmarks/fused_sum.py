@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -19,11 +19,16 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from benchmarks.numpy_models import Geometry, GgxSums, GgxSumsTextbook, ggx_lobe
-from benchmarks.timing import Timing, cores, interleave, ratio
+from benchmarks.timing import cores, interleave, ratio
+from lobefit.kernels import Device, get_device, get_model
+from lobefit.kernels.geometry import Directions
+from lobefit.kernels.program import model_program
+from lobefit.kernels.sums import Observations, chi_square
 
 __all__ = ["lobefit_chi_square", "run", "table"]
 
 Array = NDArray[np.float64]
+Four = tuple[Array, Array, Array, Array]
 Sums = Callable[[], Array]
 
 SETS = 64
@@ -34,7 +39,7 @@ LOBEFIT = "lobefit, single"
 SCALAR = "lobefit, single, vector width 1"
 
 
-def problem() -> tuple[tuple[Array, ...], Array, Array, tuple[Array, ...]]:
+def problem() -> tuple[Four, Array, Array, Four]:
     """Angles [N], values [N], weights [N] and the parameter sets k_d, k_s, F0, alpha [S] each.
 
     Directions are uniform in solid angle down to 80 degrees; the values are those of one parameter
@@ -59,7 +64,7 @@ def problem() -> tuple[tuple[Array, ...], Array, Array, tuple[Array, ...]]:
     return angles, values, 1 / (0.01 * f), sets
 
 
-def reference(angles: tuple[Array, ...], values: Array, weights: Array, sets: Any) -> Array:
+def reference(angles: Four, values: Array, weights: Array, sets: Four) -> Array:
     """Return the sums from the papers' formula in double precision, one set at a time."""
     g = Geometry.of(*angles)
     return np.array(
@@ -130,16 +135,32 @@ def numpy_in_processes(dtype: str) -> Iterator[Sums]:
         pipe.send(False)
 
 
-def lobefit_chi_square(width: int | None = None) -> Sums:
+class _OneLane(Device):
+    """An open device on which kernels are compiled without vector types."""
+
+    def __init__(self, device: Device) -> None:
+        self.__dict__.update(device.__dict__)  # the same context, queue and compiled programs
+
+    def width(self, precision: str) -> int:
+        return 1
+
+
+def lobefit_chi_square(*, scalar: bool = False) -> Sums:
     """Give a call that returns the same sums by Lobefit's fused kernel in single precision.
 
     Parameters
     ----------
-    width : int, optional
-        Width of the vector type; the device's own choice by default.
+    scalar : bool
+        Compile with vectors of width 1 instead of the device's own.
     """
-    # TO BE COMPLETED with the kernels' API: upload `problem()` once, return a call over the 64 sets.
-    raise NotImplementedError
+    angles, values, weights, (k_d, k_s, F0, alpha) = problem()
+    device = _OneLane(get_device()) if scalar else get_device()
+    directions = Directions(device, *angles, "single")
+    observations = Observations(directions, values[None], weights[None] ** 2)
+    program = model_program(get_model("ggx"))
+    x = alpha[:, None]
+    coefficients = np.stack([k_d, k_s * F0, k_s], axis=-1)[:, None]
+    return lambda: chi_square(program, observations, x, coefficients)[:, 0]
 
 
 def run() -> dict[str, Any]:
@@ -156,10 +177,9 @@ def run() -> dict[str, Any]:
             tasks[f"{both} threads"] = numpy_in_threads(threads, dtype)
             tasks[f"{both} processes"] = stack.enter_context(numpy_in_processes(dtype))
             used |= {f"{both} threads": CORES, f"{both} processes": CORES}
-        for name, width in ((LOBEFIT, None), (SCALAR, 1)):
-            with suppress(NotImplementedError):
-                tasks[name] = lobefit_chi_square(width)
-                used[name] = cores()
+        for name, scalar in ((LOBEFIT, False), (SCALAR, True)):
+            tasks[name] = lobefit_chi_square(scalar=scalar)
+            used[name] = cores()
         differences = {
             name: float(np.max(np.abs(task() / expected - 1))) for name, task in tasks.items()
         }
@@ -170,30 +190,30 @@ def run() -> dict[str, Any]:
             "cores": used.get(name, 1),
             "mevals_per_s": SETS * DIRECTIONS / timing.median / 1e6,
             "relative_difference": differences[name],
-            "lobefit_faster": _faster(timings, name),
+            "lobefit_faster": ratio(timing, timings[LOBEFIT]),
             **timing.to_dict(),
         }
         for name, timing in timings.items()
     ]
-    return {"sets": SETS, "directions": DIRECTIONS, "rows": rows}
-
-
-def _faster(timings: dict[str, Timing], name: str) -> float | None:
-    """How many times faster Lobefit's kernel is than `name`."""
-    return ratio(timings[name], timings[LOBEFIT]) if LOBEFIT in timings else None
+    return {
+        "device": str(get_device().info),
+        "sets": SETS,
+        "directions": DIRECTIONS,
+        "rows": rows,
+    }
 
 
 def table(result: dict[str, Any]) -> str:
     """Lay out the result of `run` for reading."""
     lines = [
         f"{result['sets']} GGX parameter sets x {result['directions']} directions, 1 channel",
+        f"OpenCL device: {result['device']}",
         "difference: largest relative one of the sums from the papers' formula in double",
         f"{'':<38}{'cores':>6}{'ms':>9}{'Mevals/s':>10}{'lobefit is':>12}{'difference':>12}",
     ]
     for row in result["rows"]:
-        faster = f"{row['lobefit_faster']:.1f} x" if row["lobefit_faster"] else "-"
         lines.append(
             f"{row['name']:<38}{row['cores']:>6}{row['median_s'] * 1e3:>9.2f}"
-            f"{row['mevals_per_s']:>10.0f}{faster:>12}{row['relative_difference']:>12.1e}"
+            f"{row['mevals_per_s']:>10.0f}{row['lobefit_faster']:>10.1f} x{row['relative_difference']:>12.1e}"
         )
     return "\n".join(lines)

@@ -7,7 +7,6 @@ Angles are radians here (files are in degrees), values are BRDF in 1/sr. The arr
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -64,7 +63,7 @@ class Measurement:
         C names.
     sigma : array, shape [C, N], optional
         Standard uncertainty in 1/sr, positive wherever the value is present.
-    metadata : mapping of str to str
+    metadata : dict of str to str
         What the file says about itself, apart from units, which are fixed here.
     dropped : tuple of Dropped
         Which rows of the file are not here, by rule.
@@ -89,7 +88,7 @@ class Measurement:
     values: NDArray[np.float64]
     channels: tuple[str, ...]
     sigma: NDArray[np.float64] | None = None
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    metadata: dict[str, str] = field(default_factory=dict)
     dropped: tuple[Dropped, ...] = ()
     notes: tuple[str, ...] = ()
     source: str = ""

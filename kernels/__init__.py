@@ -4,6 +4,7 @@ Importing this package does no device work; the first evaluation opens a device.
 """
 
 from lobefit.kernels.albedo import directional_albedo
+from lobefit.kernels.candidates import Candidate, candidate, candidates
 from lobefit.kernels.device import Device, DeviceInfo, devices, get_device
 from lobefit.kernels.errors import (
     DeviceError,
@@ -16,6 +17,7 @@ from lobefit.kernels.evaluate import evaluate
 from lobefit.kernels.library import Lobe, Model, Parameter, get_model, models
 
 __all__ = [
+    "Candidate",
     "Device",
     "DeviceError",
     "DeviceInfo",
@@ -26,6 +28,8 @@ __all__ = [
     "Model",
     "ModelError",
     "Parameter",
+    "candidate",
+    "candidates",
     "devices",
     "directional_albedo",
     "evaluate",

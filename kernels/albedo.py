@@ -152,9 +152,13 @@ def directional_albedo(
     ):
         raise ModelError("the albedo needs theta_i in radians, from 0 to below pi/2")
     opened = get_device(device)
+    azimuths = 256
+    if known.lobe.axes is not None:  # a lobe that is narrow in azimuth needs more of them
+        wide, narrow = (float(full[name][0]) for name in known.lobe.axes[:2])
+        azimuths *= int(np.clip(max(wide / narrow, narrow / wide) / 8.0, 1, 16))
     columns = []
     for theta in angles:
-        grid = HemisphereGrid(opened, float(theta), float(phi_i))
+        grid = HemisphereGrid(opened, float(theta), float(phi_i), azimuths=azimuths)
         columns.append((basis_albedo(program, grid, x) * coefficients).sum(axis=1))
         grid.directions.release()
     return np.stack(columns, axis=1)

@@ -196,7 +196,8 @@ class Device:
         """Directions per vector: 256 bits on a CPU, 1 elsewhere.
 
         PoCL vectorises builtins of vector types only. Wider vectors are no faster and
-        unsafe: PoCL 3.0 built for AVX-512 aborts the process on some of their builtins.
+        unsafe: on CPUs with AVX-512, PoCL 3.0 aborts the process on some of their
+        builtins, and loses the kernels of such programs from its cache.
         """
         if not self.is_cpu:
             return 1

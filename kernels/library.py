@@ -22,6 +22,10 @@ from functools import cache
 from importlib.resources import files
 from typing import Literal
 
+# Loaded now, so that the package lobefit.kernels.models cannot take the place of
+# the function `models` in lobefit.kernels later.
+import lobefit.kernels.models
+
 from lobefit.kernels.errors import ModelError
 
 __all__ = ["Lobe", "Model", "Parameter", "Reference", "Variant", "get_model", "models"]

@@ -46,7 +46,7 @@ def complete(model: Model, params: Mapping[str, float | Sequence[float]]) -> dic
     for name in params:
         if name not in known:
             near = get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = f"; did you mean {near[0]!r}?" if near else "."
             raise ModelError(
                 f"{model.name} has no parameter {name!r}{hint} It has {', '.join(known)}"
             )

@@ -13,9 +13,10 @@ static inline real ggx_D(const real t2, const scalar alpha) {
 }
 
 // V-cavities, Torrance & Sparrow 1967; Cook & Torrance 1982.
+// cos_theta_h / cos_theta_d = 2 / (H_z (1 + tan^2 theta_h)), which does not cancel at grazing.
 static inline real v_cavity_G(const geometry g, const real t2) {
-  const real two_cos_h_by_cos_d = 2.0 * rsqrt(1.0 + t2) / (1.0 - g.one_minus_cos_d);
-  return fmin(1.0, two_cos_h_by_cos_d * fmin(g.cos_theta_i, g.cos_theta_o));
+  const real H_z = g.cos_theta_i + g.cos_theta_o;
+  return fmin(1.0, 4.0 * fmin(g.cos_theta_i, g.cos_theta_o) / (H_z * (1.0 + t2)));
 }
 
 // sqrt(alpha^2 + (1 - alpha^2) cos^2) = cos sqrt(1 + alpha^2 tan^2), finite at grazing.

@@ -41,7 +41,7 @@ LOBE = Lobe(
     title="Ward 1992, an anisotropic Gaussian lobe",
     convention="Ward 1992: over 4 pi alpha_x alpha_y sqrt(n_i n_o)",
     source="Ward 1992, eq. 4",
-    energy="conserves energy for k_d + k_s <= 1 and alpha <= 0.3 or so",
+    energy="no bound on k_d + k_s conserves it at grazing: the lobe diverges above about 89 degrees",
     parameters=(
         Parameter(
             name="k_s",

@@ -82,9 +82,8 @@ def legal_params(draw: st.DrawFn, model: Model) -> Params:
     for parameter in model.parameters:
         values = _values(parameter)
         if parameter.per_channel:
-            params[parameter.name] = draw(
-                st.lists(values, min_size=N_CHANNELS, max_size=N_CHANNELS)
-            )
+            lists = st.lists(values, min_size=N_CHANNELS, max_size=N_CHANNELS)
+            params[parameter.name] = draw(values | lists)
         else:
             params[parameter.name] = draw(values)
     if model.lobe.axes is not None:

@@ -1,11 +1,11 @@
 """Kernels against Mitsuba 3.9.1, which computed the reference in single precision.
 
-Mitsuba's rough conductor has Smith's separable masking and the exact Fresnel equations, and
-our models have neither. What both share is the distribution and 1 / (4 n.i n.o). So
-Mitsuba's value is divided by its own masking and Fresnel, ours by ours, all four written here
-or in the transcriptions, and the quotients must agree. The anisotropic Beckmann rows are held
-against `ward`, whose exponential is the same one. No model has an anisotropic GGX
-distribution, so those rows cannot be compared.
+Mitsuba's rough conductor has Smith's separable masking and the exact Fresnel equations. The
+first is an option of `ggx`; the second no model has, so Mitsuba's value is divided by it.
+Where the masking differs too, each side is divided by its own, written here or in the
+transcriptions, which leaves D / (4 n.i n.o). The anisotropic Beckmann rows are held against
+`ward`, whose exponential is the same one. No model has an anisotropic GGX distribution, so
+those rows cannot be compared.
 """
 
 from __future__ import annotations
@@ -106,6 +106,16 @@ def test_lambert(name: str) -> None:
     angles, value = angles_and_values(CASES[name])
     ours = evaluate("lambert", {"k_d": CASES[name]["params"]["albedo"]}, *angles)
     np.testing.assert_allclose(ours, value, rtol=LAMBERT_RELATIVE)
+
+
+@pytest.mark.parametrize("name", cases("ggx"))
+def test_ggx_with_the_same_masking(name: str) -> None:
+    case = CASES[name]
+    angles, value = angles_and_values(case)
+    params = {"k_d": 0.0, "k_s": 1.0, "F0": 1.0, "alpha": case["params"]["alpha"]}
+    ours = evaluate("ggx", params, *angles, options={"masking": "smith_separable"})
+    reference = value / fresnel_of(case, geometry(*angles))
+    assert_agree(ours, reference, value, GGX_RELATIVE)
 
 
 @pytest.mark.parametrize("name", cases("ggx"))

@@ -1,0 +1,64 @@
+"""Files of a fit: the report, the picture, the lobes and the samples, whole or not at all."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from lobefit.fitting.document import to_json
+from lobefit.fitting.figure import write_figure
+from lobefit.fitting.lobes import write_lobes
+from lobefit.fitting.report import FitReport
+from lobefit.fitting.writers import write_measurement
+from lobefit.kernels.errors import LobefitError
+
+__all__ = ["save_report"]
+
+
+def save_report(report: FitReport, folder: Path) -> dict[str, Path]:
+    """Write everything about a fit into a folder.
+
+    All files are made in a temporary folder beside their places and moved there together,
+    the report last: whoever finds a report finds its companions, and an interrupted run
+    leaves what was there before.
+
+    Parameters
+    ----------
+    report : FitReport
+        The fit.
+    folder : Path
+        Made if it does not exist. Files of an earlier fit are replaced.
+
+    Returns
+    -------
+    dict of str to Path
+        "report" (report.json), "fit" (fit.png), "lobes" (lobes.exr) and "samples"
+        (samples.csv, the measurement as it was used).
+
+    Raises
+    ------
+    LobefitError
+        The folder cannot be made or written to.
+    """
+    makers: dict[str, tuple[str, Callable[[Path], object]]] = {
+        "fit": ("fit.png", lambda path: write_figure(path, report)),
+        "lobes": ("lobes.exr", lambda path: write_lobes(path, report.best, report.measurement)),
+        "samples": ("samples.csv", lambda path: write_measurement(report.measurement, path)),
+        "report": ("report.json", lambda path: _write_text(path, to_json(report.to_dict()) + "\n")),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".lobefit-", dir=folder) as temporary:
+            for name, make in makers.values():
+                make(Path(temporary) / name)
+            for name, _ in makers.values():
+                (Path(temporary) / name).replace(folder / name)
+    except OSError as error:
+        reason = error.strerror or error
+        raise LobefitError(f"cannot write to the folder {folder}: {reason}") from error
+    return {kind: folder / name for kind, (name, _) in makers.items()}
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,158 @@
+"""A measurement on the device: all rows, and the thinned ones that a search needs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lobefit.fitting.correlation import Scans, find_scans
+from lobefit.fitting.measurement import Measurement
+from lobefit.kernels import Device
+from lobefit.kernels.geometry import Directions, Precision
+from lobefit.kernels.sums import Metric, Observations
+
+__all__ = ["METRICS", "Dataset"]
+
+Array = NDArray[np.float64]
+
+# metric of a fit -> transform of the residuals
+METRICS: dict[str, Metric] = {
+    "chi2": "identity",
+    "relative": "identity",
+    "log": "log",
+    "cube_root": "cube_root",
+}
+# Up to here double precision costs less than compiling a second set of kernels.
+DOUBLE_UP_TO = 20_000
+# Directions that the start scan and NLopt look at; the polish uses all of them.
+SCAN_ROWS = 4096
+SEARCH_ROWS = 16_384
+
+
+class Dataset:
+    """One measurement, ready for every candidate.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        What was measured.
+    metric : {"chi2", "relative", "log", "cube_root"}
+        How residuals are weighed.
+    device : Device
+        Where the sums are computed.
+
+    Attributes
+    ----------
+    precision : {"single", "double"}
+        Of the terms; sums are accumulated in double either way.
+    full, search, scan : Observations
+        All rows; at most SEARCH_ROWS; at most SCAN_ROWS (always residuals of
+        the plain values, for which coefficients are linear).
+    used : ndarray of bool, shape (C, N)
+        Values that count.
+    """
+
+    def __init__(self, measurement: Measurement, metric: str, device: Device) -> None:
+        self.measurement = m = measurement
+        self.metric = metric
+        self.device = device
+        self.precision: Precision = "double" if m.n_directions <= DOUBLE_UP_TO else "single"
+        self.uses_sigma = metric == "chi2" and m.sigma is not None
+        # Otherwise the noise is estimated from the residuals, or the metric has none.
+        self.estimates_noise = METRICS[metric] == "identity" and not self.uses_sigma
+        start = self._start_weights()
+        self.search_rows = thinned(m, SEARCH_ROWS)
+        self.scan_rows = thinned(m, SCAN_ROWS)
+        every = np.arange(m.n_directions)
+        uploaded: dict[int, Directions] = {}
+
+        def observe(rows: NDArray[np.intp], transform: Metric, weights: Array) -> Observations:
+            if len(rows) not in uploaded:
+                uploaded[len(rows)] = Directions(
+                    device,
+                    m.theta_i[rows],
+                    m.phi_i[rows],
+                    m.theta_o[rows],
+                    m.phi_o[rows],
+                    self.precision,
+                )
+            return Observations(uploaded[len(rows)], m.values[:, rows], weights[:, rows], transform)
+
+        transform = METRICS[metric]
+        ones = start if transform == "identity" else np.ones_like(start)
+        self.full = observe(every, transform, ones)
+        same = len(self.search_rows) == m.n_directions
+        self.search = self.full if same else observe(self.search_rows, transform, ones)
+        self.scan = observe(self.scan_rows, "identity", start)
+        self.used = self.full.used
+        self._start = ones
+        self._scans: Scans | None = None
+        self._logarithmic: Observations | None = None
+
+    @property
+    def scans(self) -> Scans:
+        """Scan lines of the measurement, found once."""
+        if self._scans is None:
+            self._scans = find_scans(self.measurement)
+        return self._scans
+
+    @property
+    def logarithmic(self) -> Observations:
+        """The thinned rows with residuals of the logarithm, for gross misfits."""
+        if self._logarithmic is None:
+            values = self.measurement.values[:, self.search_rows]
+            ones = np.ones_like(values)
+            self._logarithmic = Observations(self.search.directions, values, ones, "log")
+        return self._logarithmic
+
+    def _start_weights(self) -> Array:
+        m = self.measurement
+        if self.uses_sigma and m.sigma is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return np.where(np.isfinite(m.values), 1.0 / m.sigma**2, 0.0)
+        size = np.abs(m.values)
+        level = np.nanmedian(size, axis=1, keepdims=True)
+        if self.metric == "chi2":
+            return np.ones_like(size) / np.maximum(level, 1e-300) ** 2
+        # For the start only: relative weights of the measured value with a floor.
+        weights: Array = 1.0 / (size**2 + (0.05 * level) ** 2 + 1e-300)
+        return np.nan_to_num(weights)
+
+    def set_weights(self, weights: Array) -> None:
+        """Replace the weights of all rows, shape (C, N)."""
+        self.full.set_weights(weights)
+        if self.search is not self.full:
+            self.search.set_weights(weights[:, self.search_rows])
+
+    def reset_weights(self) -> None:
+        """Put the weights back that every candidate starts with."""
+        self.set_weights(self._start)
+
+    def release(self) -> None:
+        """Free the device's memory."""
+        if self._logarithmic is not None:
+            self._logarithmic.release()
+        for observations in {id(o): o for o in (self.full, self.search, self.scan)}.values():
+            observations.release()
+        for directions in {
+            id(o.directions): o.directions for o in (self.full, self.search, self.scan)
+        }.values():
+            directions.release()
+
+
+def thinned(measurement: Measurement, rows: int) -> NDArray[np.intp]:
+    """Choose at most so many rows, evenly along the half angle, the sharpest ones always.
+
+    Selecting by geometry only keeps a fit to them unbiased.
+    """
+    m = measurement
+    if m.n_directions <= rows:
+        return np.arange(m.n_directions)
+    h_x = np.sin(m.theta_i) * np.cos(m.phi_i) + np.sin(m.theta_o) * np.cos(m.phi_o)
+    h_y = np.sin(m.theta_i) * np.sin(m.phi_i) + np.sin(m.theta_o) * np.sin(m.phi_o)
+    h_z = np.cos(m.theta_i) + np.cos(m.theta_o)
+    order = np.argsort((h_x**2 + h_y**2) / h_z**2)
+    sharpest = rows // 8
+    spread = np.linspace(sharpest, len(order) - 1, rows - sharpest).astype(np.intp)
+    chosen: NDArray[np.intp] = np.sort(order[np.concatenate([np.arange(sharpest), spread])])
+    return chosen

@@ -1,0 +1,312 @@
+"""The lobes as an OpenEXR picture: measured, fitted and residual on a regular grid of angles.
+
+Every pixel is a cell of a grid of directions. A picture has one of two layouts, told by the
+attribute ``lobefit:layout``:
+
+``in-plane``
+    All views lie in the plane of incidence. A row is an incidence, a column a signed theta_o:
+    positive on the side of the mirror direction, negative on the side of the light. For
+    incidence along the normal every plane through it is a row.
+``tiles``
+    Each incidence is a tile, the tiles stand below each other. Inside a tile a row is an
+    azimuth ``phi_o - phi_i`` (180 degrees holds the mirror direction), a column a theta_o.
+
+Channels are named ``LAYER.CHANNEL``, in 32-bit floating point, 1/sr:
+
+``measured``
+    Mean of the readings in the cell; NaN where there is none.
+``fitted``
+    The model at the centre of the cell, everywhere.
+``residual``
+    Mean over the cell's readings of measured minus model, each at its own angles; so where
+    readings are off the centres it is not the difference of the other two.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.result import FitResult
+from lobefit.kernels.errors import LobefitError
+
+__all__ = ["LAYERS", "SCHEMA", "Grid", "make_grid", "out_of_plane", "signed", "write_lobes"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+SCHEMA = "lobefit.lobes/1"
+LAYERS = ("measured", "fitted", "residual")
+
+MAX_INCIDENCES = 128
+"""More are thinned evenly: a picture is for looking at."""
+MAX_NUMBERS = 6_000_000
+"""Floats in a picture, 24 MB before compression; tiles get coarser until they fit."""
+
+# Views this far from the plane of incidence still lie in it, and directions this close to the
+# normal have no azimuth to speak of.
+PLANE = np.deg2rad(0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where the cells are and which row of the measurement falls into which.
+
+    Attributes
+    ----------
+    layout : str
+        "in-plane" or "tiles".
+    incidences : list of (theta_i, phi_i)
+        In radians, one per row or tile.
+    phi : ndarray
+        Azimuths ``phi_o - phi_i`` of a tile's rows in degrees; ``[180]`` in the plane.
+    theta : ndarray
+        theta_o of the columns in degrees; signed in the plane.
+    rows : ndarray, shape (M,)
+        Rows of the measurement that are shown.
+    cell : ndarray, shape (M,)
+        The pixel of each, counted row by row.
+    n_incidences : int
+        Incidences of the measurement, shown or not.
+    """
+
+    layout: str
+    incidences: list[tuple[float, float]]
+    phi: Array
+    theta: Array
+    rows: Index
+    cell: Index
+    n_incidences: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+        return len(self.incidences) * len(self.phi), len(self.theta)
+
+    def centres(self) -> tuple[Array, Array, Array, Array]:
+        """Give the directions of all cells in radians, row by row."""
+        theta_i, phi_i = np.array(self.incidences).T
+        axes = np.broadcast_arrays(
+            theta_i[:, None, None],
+            phi_i[:, None, None],
+            np.abs(np.deg2rad(self.theta)),
+            phi_i[:, None, None]
+            + np.deg2rad(self.phi)[:, None]
+            + np.where(self.theta < 0, np.pi, 0.0),
+        )
+        return tuple(a.ravel() for a in axes)  # type: ignore[return-value]
+
+
+def signed(theta: Array, turn: Array) -> Array:
+    """Give theta the sign of its side: positive for azimuths beyond 90 degrees of `turn` = 0."""
+    return np.where(np.cos(turn) > 0, -theta, theta)
+
+
+def out_of_plane(theta_i: Array, theta_o: Array, turn: Array) -> Array:
+    """Give the angle of a view from the plane of incidence, in radians; 0 for theta_i = 0."""
+    away = np.arcsin(np.abs(np.sin(theta_o) * np.sin(turn)))
+    return np.where(theta_i < PLANE, 0.0, away)
+
+
+def make_grid(measurement: Measurement) -> Grid:
+    """Choose the layout and the steps that keep the measured directions apart.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        Steps are those of its angles: 0.25 to 1 degree in the plane of incidence, 1 to
+        5 degrees in tiles, coarser where the picture would have more than `MAX_NUMBERS`.
+    """
+    m = measurement
+    turn = m.phi_o - m.phi_i
+    groups = m.distinct_incidences()
+    in_plane = bool((out_of_plane(m.theta_i, m.theta_o, turn) < PLANE).all())
+    if in_plane:
+        groups = _planes(m, groups)
+    keys = list(groups)
+    if len(keys) > MAX_INCIDENCES:
+        keys = [keys[k] for k in np.linspace(0, len(keys) - 1, MAX_INCIDENCES).round().astype(int)]
+    rows = np.concatenate([groups[key] for key in keys])
+    incidence = np.repeat(np.arange(len(keys)), [len(groups[key]) for key in keys])
+    turn = m.phi_o[rows] - np.array([phi for _, phi in keys])[incidence]
+    theta_o = np.rad2deg(m.theta_o[rows])
+    if in_plane:
+        side = signed(theta_o, turn)
+        theta = _axis(side, (0.25, 1.0), (-90.0, 90.0))
+        row, column, phi = incidence, _nearest(theta, side), np.array([180.0])
+    else:
+        turned = np.mod(np.rad2deg(turn), 360.0)
+        coarsest = (1.0, 5.0)
+        while True:
+            theta = _axis(theta_o, coarsest, (0.0, 90.0))
+            phi = _axis(turned, coarsest, (0.0, 360.0))
+            if len(keys) * len(phi) * len(theta) * 3 * m.n_channels <= MAX_NUMBERS:
+                break
+            coarsest = (coarsest[0] * 1.5, max(coarsest[1], coarsest[0] * 1.5))
+        row = incidence * len(phi) + _nearest(phi, turned, period=360.0)
+        column = _nearest(theta, theta_o)
+    return Grid(
+        layout="in-plane" if in_plane else "tiles",
+        incidences=keys,
+        phi=phi,
+        theta=theta,
+        rows=rows,
+        cell=row * len(theta) + column,
+        n_incidences=len(groups),
+    )
+
+
+def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None:
+    """Write the picture and read it back.
+
+    Parameters
+    ----------
+    path : Path
+        An ``.exr`` file; replaced if it exists.
+    result : FitResult
+        The model to draw.
+    measurement : Measurement
+        What it was fitted to.
+
+    Raises
+    ------
+    LobefitError
+        The file cannot be written, or does not hold what was written.
+    """
+    import OpenEXR
+
+    grid = make_grid(measurement)
+    layers = _layers(grid, result, measurement)
+    # float32 and contiguous, each its own array: strided ones are stored wrongly without an
+    # error (AcademySoftwareFoundation/openexr#1929).
+    pixels = {
+        f"{layer}.{_exr_name(channel)}": np.ascontiguousarray(values[c], dtype=np.float32)
+        for layer, values in layers.items()
+        for c, channel in enumerate(measurement.channels)
+    }
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,  # lossless, unlike PXR24, B44 and DWA
+        "type": OpenEXR.scanlineimage,
+        **_attributes(grid, result, measurement),
+    }
+    try:
+        OpenEXR.File(header, dict(pixels)).write(str(path))
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            stored = {name: channel.pixels for name, channel in file.channels().items()}
+    except (RuntimeError, OSError) as error:
+        raise LobefitError(f"{path.name} cannot be written: {error}") from error
+    same = stored.keys() == pixels.keys() and all(
+        np.array_equal(stored[name], values, equal_nan=True) for name, values in pixels.items()
+    )
+    if not same:
+        raise LobefitError(f"{path.name} does not read back as it was written; is the disk full?")
+
+
+def _layers(grid: Grid, result: FitResult, m: Measurement) -> dict[str, Array]:
+    """Fill the cells; each layer has shape (C, height, width)."""
+    values = m.values[:, grid.rows]
+    angles = (m.theta_i, m.phi_i, m.theta_o, m.phi_o)
+    residual = values - result.predict(*(a[grid.rows] for a in angles))
+    shape = (m.n_channels, *grid.shape)
+    return {
+        "measured": _cell_means(grid, values).reshape(shape),
+        "fitted": result.predict(*grid.centres()).reshape(shape),
+        "residual": _cell_means(grid, residual).reshape(shape),
+    }
+
+
+def _cell_means(grid: Grid, values: Array) -> Array:
+    """Average each channel's readings by cell, shape (C, cells); NaN without a reading."""
+    height, width = grid.shape
+    means = np.full((len(values), height * width), np.nan)
+    for mean, channel in zip(means, values, strict=True):
+        present = ~np.isnan(channel)
+        cell = grid.cell[present]
+        total = np.bincount(cell, channel[present], minlength=mean.size)
+        count = np.bincount(cell, minlength=mean.size)
+        np.divide(total, count, out=mean, where=count > 0)
+    return means
+
+
+def _planes(
+    m: Measurement, groups: dict[tuple[float, float], Index]
+) -> dict[tuple[float, float], Index]:
+    """Split incidence along the normal into the planes through it that were scanned."""
+    split: dict[tuple[float, float], Index] = {}
+    for (theta_i, phi_i), rows in groups.items():
+        if theta_i >= PLANE:
+            split[theta_i, phi_i] = rows
+            continue
+        # An azimuth of view and its opposite are one plane; the pole itself joins the first.
+        degrees = np.round(np.mod(np.rad2deg(m.phi_o[rows]), 180.0), 3) % 180.0
+        oblique = m.theta_o[rows] >= PLANE
+        planes = np.unique(degrees[oblique]) if oblique.any() else np.array([0.0])
+        plane = np.where(oblique, degrees, planes[0])
+        for azimuth in planes.tolist():
+            key = (theta_i, float(np.deg2rad(azimuth)))
+            mine = rows[plane == azimuth]
+            split[key] = np.concatenate([split[key], mine]) if key in split else mine
+    return dict(sorted(split.items()))
+
+
+def _axis(angles: Array, steps: tuple[float, float], span: tuple[float, float]) -> Array:
+    """Lay regular cell centres inside a span, in the step and phase of the angles (degrees)."""
+    low, high = span
+    found = np.unique(np.round(angles, 3))
+    gaps = np.diff(found)
+    step = float(np.quantile(gaps, 0.1)) if gaps.size else steps[1]
+    step = min(max(step, steps[0]), steps[1])
+    if high == 360.0:  # a whole number of cells closes the circle
+        step = high / round(high / step)
+    off_centre = [
+        float(np.abs(np.mod((found - start) / step + 0.5, 1.0) - 0.5).mean())
+        for start in (0.0, step / 2)
+    ]
+    start = 0.0 if off_centre[0] <= off_centre[1] else step / 2
+    first, last = np.ceil((low - start) / step), np.floor((high - start) / step)
+    centres = np.arange(first, last + 1) * step + start
+    # No direction lies on the horizon, and 360 degrees are 0.
+    keep = centres < high - 1e-9
+    if low < 0:
+        keep &= centres > low + 1e-9
+    axis: Array = centres[keep]
+    return axis
+
+
+def _nearest(axis: Array, angles: Array, period: float | None = None) -> Index:
+    step = axis[1] - axis[0] if len(axis) > 1 else 1.0
+    index = np.rint((angles - axis[0]) / step).astype(np.intp)
+    return np.mod(index, len(axis)) if period else np.clip(index, 0, len(axis) - 1)
+
+
+def _exr_name(channel: str) -> str:
+    """Write decimals with a comma, as spectral OpenEXR does: a dot would open a layer."""
+    return channel.replace(".", ",")
+
+
+def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, Any]:
+    """Describe the axes; strings only, which every version of OpenEXR keeps."""
+    rows = "incidence" if grid.layout == "in-plane" else "incidence, then phi_o - phi_i"
+    columns = "signed theta_o" if grid.layout == "in-plane" else "theta_o"
+    incidences = np.rad2deg(np.array(grid.incidences)).round(9).tolist()
+    return {
+        "lobefit:schema": SCHEMA,
+        "lobefit:layout": grid.layout,
+        "lobefit:axes": f"rows from the top: {rows}; columns from the left: {columns}; degrees",
+        "lobefit:theta_o_deg": json.dumps(grid.theta.round(9).tolist()),
+        "lobefit:phi_deg": json.dumps(grid.phi.round(9).tolist()),
+        "lobefit:incidences_deg": json.dumps(incidences),
+        "lobefit:incidences_shown": f"{len(grid.incidences)} of {grid.n_incidences}",
+        "lobefit:unit": "1/sr",
+        "lobefit:channels": json.dumps(m.channels),
+        "lobefit:candidate": result.candidate,
+        "lobefit:params": json.dumps(result.params),
+        "lobefit:options": json.dumps(dict(result.options)),
+        "comments": __doc__.partition("\n\n")[2].strip(),
+    }

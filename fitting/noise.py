@@ -1,0 +1,101 @@
+"""The noise of a measurement, estimated from the residuals where no sigma is given.
+
+``sigma^2 = additive^2 + (relative h)^2`` with h the *model's* value f: weights from
+the measured value would favour low readings and bias the scale. Only where the
+measured value is more than twice the model's, which is misfit and not noise, h is
+half the measured value; otherwise a model that misses a peak by decades would be
+pulled up until everything else is wrong.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["estimate_noise", "gaussian_deviance", "level", "variance"]
+
+Array = NDArray[np.float64]
+
+# Ratios additive^2 / relative^2 that are tried, in units of the largest f^2:
+# from "all relative" to "all additive".
+RATIOS = np.geomspace(1e-14, 1e2, 49)
+# Enough values for two scales; more would only cost time.
+ENOUGH = 4096
+
+
+def level(f: Array, measured: Array) -> Array:
+    """Give h, shape (C, N), of model values and measured values (C, N) in 1/sr."""
+    h: Array = np.fmax(f, 0.5 * np.abs(measured))
+    return h
+
+
+def variance(h: Array, additive: Array, relative: Array) -> Array:
+    """Give sigma^2, shape (C, N), of levels h (C, N) and scales (C,)."""
+    v: Array = (additive**2)[:, None] + ((relative**2)[:, None]) * h**2
+    return v
+
+
+def gaussian_deviance(residuals: Array, v: Array, used: NDArray[np.bool_]) -> float:
+    """Give -2 ln L of residuals with variances v, the log sigma terms included."""
+    terms = residuals**2 / v + np.log(2.0 * np.pi * v)
+    return float(terms[used].sum())
+
+
+def estimate_noise(
+    residuals: Array, h: Array, used: NDArray[np.bool_], n_parameters: int, *, relative: bool = True
+) -> tuple[Array, Array]:
+    """Estimate the two scales of the noise of each channel by maximum likelihood.
+
+    Parameters
+    ----------
+    residuals : ndarray, shape (C, N)
+        Measured minus model, 1/sr.
+    h : ndarray, shape (C, N)
+        Levels that relative noise refers to, 1/sr.
+    used : ndarray of bool, shape (C, N)
+        Which values count.
+    n_parameters : int
+        Free parameters of the fit, for the degrees of freedom.
+    relative : bool
+        False holds the relative scale at 0 (constant noise).
+
+    Returns
+    -------
+    additive, relative : ndarray, shape (C,)
+        Scales in 1/sr and 1.
+    """
+    channels = len(h)
+    additive, proportional = np.zeros(channels), np.zeros(channels)
+    total = int(used.sum())
+    freedom = max(total - n_parameters, 1) / max(total, 1)
+    for c in range(channels):
+        r2, h2 = residuals[c, used[c]] ** 2, h[c, used[c]] ** 2
+        if r2.size == 0:
+            additive[c] = 1.0
+            continue
+        if not relative or not (h2.max() > 0.0):
+            additive[c] = np.sqrt(r2.mean() / freedom)
+            continue
+        stride = -(-r2.size // ENOUGH)
+        few_r2, few_h2 = r2[::stride], h2[::stride]
+        ratio = _best_ratio(few_r2, few_h2)
+        scale2 = float(np.mean(r2 / (ratio + h2))) / freedom
+        additive[c], proportional[c] = np.sqrt(scale2 * ratio), np.sqrt(scale2)
+    # Exact data have no noise; a scale far below any datum keeps the weights finite.
+    largest = np.where(used, np.abs(h), 0.0).max(axis=1)
+    negligible = (additive == 0.0) | ~np.isfinite(additive)
+    additive = np.where(negligible, 1e-12 * largest + 1e-300, additive)
+    return additive, proportional
+
+
+def _best_ratio(r2: Array, h2: Array) -> float:
+    """Profile likelihood over the ratio of the two variances, refined once."""
+    grid = np.log(RATIOS * h2.max())
+    for _ in range(2):
+        shape = np.exp(grid)[:, None] + h2
+        cost = r2.size * np.log(np.mean(r2 / shape, axis=1) + 1e-300) + np.log(shape).sum(axis=1)
+        k = int(np.argmin(cost))
+        low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+        best = float(grid[k])
+        grid = np.linspace(low, high, 15)
+    return float(np.exp(best))
