@@ -115,8 +115,8 @@ class Dataset:
         if self.metric == "chi2":
             return np.ones_like(size) / np.maximum(level, 1e-300) ** 2
         # For the start only: relative weights of the measured value with a floor.
-        weights: Array = 1.0 / (size**2 + (0.05 * level) ** 2 + 1e-300)
-        return np.nan_to_num(weights)
+        weights: Array = np.nan_to_num(1.0 / (size**2 + (0.05 * level) ** 2 + 1e-300))
+        return weights
 
     def set_weights(self, weights: Array) -> None:
         """Replace the weights of all rows, shape (C, N)."""

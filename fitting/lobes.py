@@ -36,7 +36,16 @@ from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
 from lobefit.kernels.errors import LobefitError
 
-__all__ = ["LAYERS", "SCHEMA", "Grid", "make_grid", "out_of_plane", "signed", "write_lobes"]
+__all__ = [
+    "LAYERS",
+    "SCHEMA",
+    "Grid",
+    "make_grid",
+    "out_of_plane",
+    "planes_of",
+    "signed",
+    "write_lobes",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -128,7 +137,7 @@ def make_grid(measurement: Measurement) -> Grid:
     groups = m.distinct_incidences()
     in_plane = bool((out_of_plane(m.theta_i, m.theta_o, turn) < PLANE).all())
     if in_plane:
-        groups = _planes(m, groups)
+        groups = planes_of(m, groups)
     keys = list(groups)
     if len(keys) > MAX_INCIDENCES:
         keys = [keys[k] for k in np.linspace(0, len(keys) - 1, MAX_INCIDENCES).round().astype(int)]
@@ -234,7 +243,7 @@ def _cell_means(grid: Grid, values: Array) -> Array:
     return means
 
 
-def _planes(
+def planes_of(
     m: Measurement, groups: dict[tuple[float, float], Index]
 ) -> dict[tuple[float, float], Index]:
     """Split incidence along the normal into the planes through it that were scanned."""

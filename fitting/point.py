@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,8 +150,9 @@ def fit_point(
         algorithm.append("noise and fit in turn")
         polished, additive, relative = _with_noise(problem, polished, n_parameters, dof)
         if relative.max() > GROSS:
-            algorithm[-1] = "weights from a fit of the logarithm"
-            polished, additive, relative = _gross(problem, polished, n_parameters, dof)
+            algorithm.append("again from a fit of the logarithm")
+            start = _from_logarithm(problem, polished)
+            polished, additive, relative = _with_noise(problem, start, n_parameters, dof)
     values = problem.values(polished.t, polished.c)
     return PointFit(
         problem=problem,
@@ -212,18 +213,10 @@ def _with_noise(
     return polished, additive, relative
 
 
-def _gross(
-    problem: Problem, polished: Polished, n_parameters: int, dof: int
-) -> tuple[Polished, Array, Array]:
-    """Fit with weights from a fit of the logarithm, which gross misfits do not pull about."""
-    dataset = problem.dataset
-    found, c = _search(problem, dataset.logarithmic, polished.t, polished.c)
-    f = problem.values(found.point, c)
-    ones = np.ones(len(f))
-    dataset.set_weights(1.0 / variance(level(f, dataset.measurement.values), 1e-12 * ones, ones))
-    polished = polish(problem, found.point, c, dof)
-    additive, relative, _, _ = _noise(problem, polished, n_parameters)
-    return polished, additive, relative
+def _from_logarithm(problem: Problem, polished: Polished) -> Polished:
+    """Go where the logarithm fits best, which gross misfits do not pull about."""
+    found, c = _search(problem, problem.dataset.logarithmic, polished.t, polished.c)
+    return replace(polished, t=found.point, c=c)
 
 
 def _sigma(

@@ -107,8 +107,9 @@ def coordinates(candidate: Candidate) -> Coordinates:
             column({a: ratio_high, k: 1.0}, 0.0, np.inf)
             column({k: 1.0}, 0.0, np.inf)
     T = np.stack(columns, axis=1) if columns else np.zeros((size, 0))
-    low, high = (np.array([pair[i] for pair in limits]) for i in (0, 1))
-    return Coordinates(T, c0, low, high)
+    lows: Array = np.array([pair[0] for pair in limits])
+    highs: Array = np.array([pair[1] for pair in limits])
+    return Coordinates(T, c0, lows, highs)
 
 
 def solve_bounded(gram: Array, rhs: Array, low: Array, high: Array) -> Array:

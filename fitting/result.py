@@ -18,10 +18,12 @@ __all__ = [
     "NoiseScales",
     "ParameterEstimate",
     "Plausibility",
+    "Status",
     "StopReport",
 ]
 
 Array = NDArray[np.float64]
+Status = Literal["free", "fixed", "lower", "upper", "undetermined"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +53,7 @@ class ParameterEstimate:
     channel: str | None
     value: float
     standard_error: float | None
-    status: Literal["free", "fixed", "lower", "upper", "undetermined"]
+    status: Status
     unit: str
     meaning: str
 

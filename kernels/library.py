@@ -22,13 +22,13 @@ from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-# Loaded now, so that the package lobefit.kernels.models cannot take the place of
-# the function `models` in lobefit.kernels later.
-import lobefit.kernels.models
-
 from lobefit.kernels.errors import ModelError
 
 __all__ = ["Lobe", "Model", "Parameter", "Reference", "Variant", "get_model", "models"]
+
+# Imported now, so that the package lobefit.kernels.models cannot take the place of
+# the function `models` in lobefit.kernels later.
+importlib.import_module("lobefit.kernels.models")
 
 SETS = ("quick", "standard", "all")
 PAGE_SECTIONS = ("Formula", "Convention", "Domain", "Source", "Verified against")

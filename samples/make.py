@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +22,9 @@ FOLDER = Path(__file__).parent
 Spec = dict[str, Any]
 
 
-def names() -> Iterator[str]:
+def names() -> list[str]:
     """List the samples."""
-    return (path.stem for path in sorted(FOLDER.glob("*.json")))
+    return sorted(path.stem for path in FOLDER.glob("*.json"))
 
 
 def load(name: str) -> Spec:

@@ -1,0 +1,257 @@
+"""The main job: fit every candidate to a measurement, rank them, and say what was found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lobefit.fitting.dataset import METRICS, Dataset
+from lobefit.fitting.diagnostics import decades, log10_rms, worst_regions
+from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.noise import gaussian_deviance
+from lobefit.fitting.plausibility import plausibility
+from lobefit.fitting.point import PointFit, fit_point
+from lobefit.fitting.report import FailedFit, FitReport
+from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopReport
+from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic, rank
+from lobefit.fitting.uncertainty import estimates
+from lobefit.fitting.verdict import verdict
+from lobefit.kernels import Candidate, Device, FitError, candidates, get_device
+
+__all__ = ["Progress", "fit"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int, str], None]
+
+# Residuals correlated over more than two values are misfit, not noise.
+CORRELATED = 2.0
+# rms of log10 above which a misfit is too large to call the surface described.
+DESCRIBED = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """A point fit with what its residuals say."""
+
+    fit: PointFit
+    deviance: float | None
+    correlation: float
+    z: Array
+
+
+def _judge(dataset: Dataset, point: PointFit) -> _Judged:
+    measured, used = dataset.measurement.values, dataset.used
+    if METRICS[dataset.metric] == "identity":
+        residuals = measured - point.values
+        deviance = gaussian_deviance(residuals, point.sigma**2, used)
+    else:
+        safe = np.where(used, measured, 1.0)
+        floor = np.maximum(point.values, 1e-300)
+        transform = np.log if dataset.metric == "log" else np.cbrt
+        residuals, deviance = transform(safe) - transform(floor), None
+    z = np.where(used, residuals / point.sigma, np.nan)
+    return _Judged(point, deviance, dataset.scans.autocorrelation_time(z), z)
+
+
+def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics:
+    m, point = dataset.measurement, judged.fit
+    rms, count, excluded = log10_rms(m.values, point.values, dataset.used)
+    reduced = float(np.nansum(judged.z**2)) / point.dof
+    spread = 1.0 + 5.0 * np.sqrt(2.0 / point.dof)
+    reason = ""
+    if dataset.uses_sigma and reduced > max(spread, 1.2):
+        reason = (
+            f"residuals are {np.sqrt(reduced):.2g} times the stated sigma "
+            f"(reduced chi-square {reduced:.3g})"
+        )
+    elif judged.correlation > CORRELATED:
+        reason = (
+            f"residuals are correlated over {judged.correlation:.0f} neighbouring values: "
+            f"{samples} values count as {samples / judged.correlation:.0f}"
+        )
+    return Diagnostics(
+        log10_rms=rms,
+        log10_count=count,
+        log10_excluded=excluded,
+        decades=decades(m.values, point.values, dataset.used),
+        reduced_chi_square=reduced,
+        effective_samples=samples / judged.correlation,
+        samples=samples,
+        misfit_limited=bool(reason),
+        misfit_reason=reason,
+        worst=worst_regions(m, point.values, judged.z, dataset.used),
+    )
+
+
+def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: str) -> FitResult:
+    """Assemble the result; `correlation` is the time that all candidates share."""
+    m, point = dataset.measurement, judged.fit
+    problem, polished = point.problem, point.polished
+    samples = int(dataset.used.sum())
+    diagnostics = _diagnostics(dataset, judged, samples)
+    scale = 1.0
+    if not dataset.uses_sigma:
+        # Weights are 1/sigma^2 where the noise was estimated, 1 where there is no likelihood.
+        unit = 1.0 if dataset.estimates_noise else float(point.sigma.flat[0] ** 2)
+        scale = unit * diagnostics.reduced_chi_square * judged.correlation
+    found = estimates(point, m.channels, scale)
+    size = problem.candidate.n_parameters(m.n_channels)
+    effective = samples / correlation
+    residuals = np.where(dataset.used, m.values - point.values, np.nan)
+    return FitResult(
+        model=problem.candidate.model.name,
+        candidate=problem.candidate.name,
+        options=dict(problem.program.options),
+        channels=m.channels,
+        params=found.params,
+        estimates=found.rows,
+        covariance=found.covariance,
+        rmse=float(np.sqrt(np.nanmean(residuals**2))),
+        bic=None if judged.deviance is None else bic(judged.deviance, samples, effective, size),
+        log_likelihood=None
+        if judged.deviance is None
+        else -0.5 * judged.deviance * effective / samples,
+        objective=polished.value,
+        n_parameters=size,
+        noise=NoiseScales(
+            given=dataset.uses_sigma,
+            relative=tuple(float(s) for s in point.relative),
+            additive=tuple(float(s) for s in point.additive),
+        ),
+        stop=StopReport(
+            algorithm=point.algorithm,
+            reason=point.reason,
+            evaluations=problem.evaluations,
+            seconds=point.seconds,
+            converged=polished.converged,
+            device=str(dataset.device.info),
+            precision=precision,
+        ),
+        diagnostics=diagnostics,
+        plausibility=plausibility(problem, polished.t, polished.c),
+    )
+
+
+def fit(
+    measurement: Measurement,
+    models: str | Sequence[str] = "standard",
+    *,
+    metric: str = "auto",
+    options: Mapping[str, str] | None = None,
+    device: str | Device | None = None,
+    progress: Progress | None = None,
+) -> FitReport:
+    """Fit candidate models to a measurement and rank them, the simplest sufficient one first.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        N directions, C channels.
+    models : str or sequence of str
+        A set ("quick", "standard", "all"), or names such as "ggx" and
+        "ggx:k_s=1". Anisotropic models are left out of a set where the sample was
+        not turned; named ones are always fitted.
+    metric : {"auto", "chi2", "relative", "log", "cube_root"}
+        "chi2": residuals over the given sigma (constant noise without one).
+        "relative": noise of a relative and an additive part, both estimated.
+        "log": logarithms, for data that span decades; values that are not
+        positive are left out and counted. "cube_root": cube roots.
+        "auto": "chi2" where the measurement has sigma, else "relative".
+    options : mapping of str to str, optional
+        Pieces that every model which knows them is compiled with.
+    device : str, Device or None
+        See `lobefit.kernels.get_device`.
+    progress : callable, optional
+        Called with (done, total, label) before each candidate and at the end.
+
+    Returns
+    -------
+    FitReport
+
+    Raises
+    ------
+    FitError
+        No candidate could be fitted, or an unknown metric.
+    ModelError
+        An unknown model or set.
+    DeviceError
+        No usable device.
+
+    Examples
+    --------
+    >>> from lobefit.fitting import fit, simulate
+    >>> surface = simulate("lambert", {"k_d": 0.3}, noise=(0.01, 0.0), seed=1)
+    >>> fit(surface, models="lambert").best.model
+    'lambert'
+    """
+    began = time.perf_counter()
+    if metric == "auto":
+        metric = "chi2" if measurement.sigma is not None else "relative"
+    if metric not in METRICS:
+        raise FitError(f"metric is one of auto, {', '.join(METRICS)}; not {metric!r}")
+    wanted = candidates(models)
+    is_set = isinstance(models, str) and models in ("quick", "standard", "all")
+    if is_set and not measurement.has_azimuthal_evidence:
+        wanted = [c for c in wanted if c.isotropic]
+    dataset = Dataset(measurement, metric, get_device(device))
+    judged: list[_Judged] = []
+    failed: list[FailedFit] = []
+    try:
+        for done, candidate in enumerate(wanted):
+            if progress is not None:
+                progress(done, len(wanted), candidate.name)
+            try:
+                chosen = _options_of(candidate, options)
+                judged.append(_judge(dataset, fit_point(candidate, dataset, chosen)))
+            except FitError as error:
+                failed.append(FailedFit(candidate.name, str(error)))
+        if not judged:
+            reasons = "; ".join(f.reason for f in failed)
+            raise FitError(f"no candidate could be fitted: {reasons}")
+        results = _ranked(dataset, judged)
+        if progress is not None:
+            progress(len(wanted), len(wanted), "done")
+    finally:
+        dataset.release()
+    best = results[0]
+    rms = best.diagnostics.log10_rms
+    described = not (best.diagnostics.misfit_limited and (rms is None or rms > DESCRIBED))
+    return FitReport(
+        measurement=measurement,
+        metric=metric,
+        results=tuple(results),
+        failed=tuple(failed),
+        described=described,
+        verdict=verdict(results, described),
+        seconds=time.perf_counter() - began,
+        settings={
+            "models": models if isinstance(models, str) else list(models),
+            "metric": metric,
+            "options": dict(options or {}),
+            "device": dataset.device.info.id,
+        },
+    )
+
+
+def _options_of(candidate: Candidate, options: Mapping[str, str] | None) -> dict[str, str]:
+    known = {key for term in candidate.model.terms for key in term.options}
+    return {key: value for key, value in (options or {}).items() if key in known}
+
+
+def _ranked(dataset: Dataset, judged: list[_Judged]) -> list[FitResult]:
+    likely = [j for j in judged if j.deviance is not None]
+    if likely:
+        correlation = min(likely, key=lambda j: j.deviance or 0.0).correlation
+    else:
+        correlation = min(judged, key=lambda j: j.fit.polished.value).correlation
+    results = [_result(dataset, j, correlation, dataset.precision) for j in judged]
+    sizes = [r.n_parameters for r in results]
+    if likely:
+        scores = [r.bic if r.bic is not None else np.inf for r in results]
+        return rank(results, scores, sizes, BIC_MARGIN)
+    rms = [float(np.sqrt(r.objective)) for r in results]
+    return rank(results, rms, sizes, RMS_MARGIN * min(rms))

@@ -1,0 +1,189 @@
+"""First-order standard errors: from the curvature in (t, d) to the model's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lobefit.fitting.point import PointFit
+from lobefit.fitting.polish import Curvature, eliminate
+from lobefit.fitting.problem import Problem
+from lobefit.fitting.result import ParameterEstimate, Status
+from lobefit.fitting.scale import canonical
+from lobefit.kernels import Parameter
+from lobefit.kernels.parameters import linear_from_coefficients
+
+__all__ = ["Estimates", "estimates"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A searched parameter this close to its bound, relatively, is said to lie on it.
+AT_BOUND = 0.01
+# A standard error of so much of the whole range says that nothing is known.
+KNOWS_NOTHING = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Parameters of a fit by name, with their errors and covariance."""
+
+    params: dict[str, float | list[float]]
+    rows: tuple[ParameterEstimate, ...]
+    covariance: Array
+
+
+def _joint_covariance(curvature: Curvature, n: int, free: Mask) -> Array:
+    """Invert the arrowhead over (t, all channels' d); rows of held coefficients are 0."""
+    H = curvature.matrix
+    channels, size = free.shape
+    schur, _, inverse = eliminate(H, curvature.gradient, n, free)
+    diagonal = np.diag(schur).copy() if n else np.zeros(0)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    # A direction without information gets a huge variance, not a zero one.
+    scaled = schur / np.outer(scale, scale) + np.eye(n) * np.where(diagonal > 0.0, 1e-12, 1e-24)
+    tt = np.linalg.inv(scaled) / np.outer(scale, scale) if n else np.zeros((0, 0))
+    full = np.zeros((n + channels * size, n + channels * size))
+    full[:n, :n] = tt
+    lever = np.einsum("cde,cne->cdn", inverse, H[:, :n, n:])  # dd/dt, with the sign turned
+    for a in range(channels):
+        rows = slice(n + a * size, n + (a + 1) * size)
+        full[rows, :n] = -lever[a] @ tt
+        full[:n, rows] = full[rows, :n].T
+        for b in range(channels):
+            columns = slice(n + b * size, n + (b + 1) * size)
+            full[rows, columns] = lever[a] @ tt @ lever[b].T
+        full[rows, rows] += inverse[a]
+    return full
+
+
+def _linear_jacobian(problem: Problem, c: Array, name: str) -> Array:
+    """Differentiate a linear parameter with respect to d, shape (C, D)."""
+    T = problem.coordinates.T
+    products = problem.candidate.model.coefficients
+    alone = {names[0]: k for k, names in enumerate(products) if len(names) == 1}
+    if name in alone:
+        return np.broadcast_to(T[alone[name]], (len(c), T.shape[1])).copy()
+    a, scale_name = next((k, n[0]) for k, n in enumerate(products) if len(n) == 2 and n[1] == name)
+    b = alone[scale_name]
+    scale = np.where(c[:, b] > 0.0, c[:, b], np.nan)[:, None]
+    ratio = c[:, a][:, None] / scale
+    jacobian: Array = (T[a] - ratio * T[b]) / scale
+    return jacobian
+
+
+def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -> Estimates:
+    """Give the parameters with first-order standard errors.
+
+    Parameters
+    ----------
+    fit : PointFit
+        The best point with its curvature.
+    channels : tuple of str
+        Names.
+    variance_scale : float
+        What covariances are multiplied with: the reduced chi-square where
+        sigma was not given, and the correlation of the residuals.
+
+    Returns
+    -------
+    Estimates
+    """
+    problem, point = fit.problem, fit.polished
+    candidate, model = problem.candidate, problem.candidate.model
+    n, count = len(point.t), len(channels)
+    d = problem.coordinates.coordinates(point.c)
+    size = d.shape[1]
+    inside = (d > problem.coordinates.low) & (d < problem.coordinates.high)
+    held = _joint_covariance(point.curvature, n, inside)
+    crossing = _joint_covariance(point.curvature, n, np.ones_like(inside))
+
+    x = problem.scale.to_parameters(point.t)
+    slope = problem.scale.slope(x)
+    labelled = canonical(candidate, x)
+    turned = _axes_swapped(problem, x, labelled)
+    full_x = candidate.expand(labelled)
+    linear = linear_from_coefficients(model, point.c)
+
+    params: dict[str, float | list[float]] = {}
+    rows: list[ParameterEstimate] = []
+    jacobians: list[Array] = []
+    for p in model.parameters:
+        fixed = p.name in candidate.fixed or p.name in candidate.tied
+        if p.linear:
+            values = linear[p.name]
+            per_d = _linear_jacobian(problem, point.c, p.name)
+            one = not p.per_channel or (fixed and len(set(values)) == 1)
+            params[p.name] = float(values[0]) if one or count == 1 else [float(v) for v in values]
+            for channel in range(1 if one else count):
+                J = np.zeros(n + count * size)
+                J[n + channel * size : n + (channel + 1) * size] = per_d[channel]
+                label = None if one else channels[channel]
+                rows.append(
+                    _row(p, label, float(values[channel]), J, held, crossing, fixed, variance_scale)
+                )
+                jacobians.append(J)
+        else:
+            k = [q.name for q in model.nonlinear].index(p.name)
+            value = float(full_x[k])
+            params[p.name] = value
+            J = np.zeros(n + count * size)
+            if not fixed:
+                m = [q.name for q in candidate.searched].index(turned.get(p.name, p.name))
+                J[m] = slope[m]
+            rows.append(_row(p, None, value, J, held, crossing, fixed, variance_scale))
+            jacobians.append(J)
+    free = [k for k, row in enumerate(rows) if row.status != "fixed"]
+    J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
+    return Estimates(params, tuple(rows), variance_scale * (J @ crossing @ J.T))
+
+
+def _axes_swapped(problem: Problem, x: Array, labelled: Array) -> dict[str, str]:
+    axes = problem.candidate.model.lobe.axes
+    names = [p.name for p in problem.candidate.searched]
+    if axes is None or axes[0] not in names or axes[1] not in names:
+        return {}
+    k = names.index(axes[0])
+    return {axes[0]: axes[1], axes[1]: axes[0]} if labelled[k] != x[k] else {}
+
+
+def _row(
+    p: Parameter,
+    channel: str | None,
+    value: float,
+    jacobian: Array,
+    held: Array,
+    crossing: Array,
+    fixed: bool,
+    variance_scale: float,
+) -> ParameterEstimate:
+    status: Status = "free"
+    error: float | None = None
+    low, high = p.bounds
+    if fixed:
+        status = "fixed"
+    elif not np.isfinite(jacobian).all():
+        status = "undetermined"  # a ratio whose scale is 0
+    else:
+        margin = 0.0 if p.linear else AT_BOUND
+        if p.period is None and value <= low + margin * abs(low):
+            status = "lower"
+        elif p.period is None and value >= high - margin * abs(high):
+            status = "upper"
+        covariance = crossing if status in ("lower", "upper") else held
+        variance = variance_scale * float(jacobian @ covariance @ jacobian)
+        error = float(np.sqrt(variance)) if np.isfinite(variance) and variance > 0.0 else None
+        span = np.log(high / low) * value if p.scale == "log" else (p.period or high - low)
+        if error is None or (not p.linear and error > KNOWS_NOTHING * span):
+            status, error = ("undetermined" if status == "free" else status), None
+    return ParameterEstimate(
+        name=p.name,
+        channel=channel,
+        value=value,
+        standard_error=error,
+        status=status,
+        unit=p.unit,
+        meaning=p.meaning,
+    )
