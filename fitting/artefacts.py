@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from lobefit.fitting.document import to_json
@@ -13,7 +13,7 @@ from lobefit.fitting.report import FitReport
 from lobefit.fitting.writers import write_measurement
 from lobefit.kernels.errors import LobefitError
 
-__all__ = ["save_report"]
+__all__ = ["save_report", "write_together"]
 
 
 def save_report(report: FitReport, folder: Path) -> dict[str, Path]:
@@ -47,17 +47,35 @@ def save_report(report: FitReport, folder: Path) -> dict[str, Path]:
         "samples": ("samples.csv", lambda path: write_measurement(report.measurement, path)),
         "report": ("report.json", lambda path: _write_text(path, to_json(report.to_dict()) + "\n")),
     }
+    write_together(folder, dict(makers.values()))
+    return {kind: folder / name for kind, (name, _) in makers.items()}
+
+
+def write_together(folder: Path, makers: Mapping[str, Callable[[Path], object]]) -> None:
+    """Make files in a temporary folder beside their places, then move them there.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it does not exist.
+    makers : mapping of str to callable
+        File names, and what writes the file at the path it is given.
+
+    Raises
+    ------
+    LobefitError
+        The folder cannot be made or written to.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".lobefit-", dir=folder) as temporary:
-            for name, make in makers.values():
+            for name, make in makers.items():
                 make(Path(temporary) / name)
-            for name, _ in makers.values():
+            for name in makers:
                 (Path(temporary) / name).replace(folder / name)
     except OSError as error:
         reason = error.strerror or error
         raise LobefitError(f"cannot write to the folder {folder}: {reason}") from error
-    return {kind: folder / name for kind, (name, _) in makers.items()}
 
 
 def _write_text(path: Path, text: str) -> None:

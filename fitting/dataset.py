@@ -61,8 +61,6 @@ class Dataset:
         # Otherwise the noise is estimated from the residuals, or the metric has none.
         self.estimates_noise = METRICS[metric] == "identity" and not self.uses_sigma
         start = self._start_weights()
-        self.search_rows = thinned(m, SEARCH_ROWS)
-        self.scan_rows = thinned(m, SCAN_ROWS)
         every = np.arange(m.n_directions)
         uploaded: dict[int, Directions] = {}
 
@@ -81,6 +79,9 @@ class Dataset:
         transform = METRICS[metric]
         ones = start if transform == "identity" else np.ones_like(start)
         self.full = observe(every, transform, ones)
+        half_angle = -self.full.directions.log2_cos_h()
+        self.search_rows = thinned(half_angle, SEARCH_ROWS)
+        self.scan_rows = self.search_rows[thinned(half_angle[self.search_rows], SCAN_ROWS)]
         same = len(self.search_rows) == m.n_directions
         self.search = self.full if same else observe(self.search_rows, transform, ones)
         self.scan = observe(self.scan_rows, "identity", start)
@@ -140,18 +141,21 @@ class Dataset:
             directions.release()
 
 
-def thinned(measurement: Measurement, rows: int) -> NDArray[np.intp]:
-    """Choose at most so many rows, evenly along the half angle, the sharpest ones always.
+def thinned(half_angle: Array, rows: int) -> NDArray[np.intp]:
+    """Choose at most so many rows, evenly by rank of the half angle, the sharpest ones always.
 
     Selecting by geometry only keeps a fit to them unbiased.
+
+    Parameters
+    ----------
+    half_angle : ndarray, shape (N,)
+        Anything that grows with it.
+    rows : int
+        How many to keep.
     """
-    m = measurement
-    if m.n_directions <= rows:
-        return np.arange(m.n_directions)
-    h_x = np.sin(m.theta_i) * np.cos(m.phi_i) + np.sin(m.theta_o) * np.cos(m.phi_o)
-    h_y = np.sin(m.theta_i) * np.sin(m.phi_i) + np.sin(m.theta_o) * np.sin(m.phi_o)
-    h_z = np.cos(m.theta_i) + np.cos(m.theta_o)
-    order = np.argsort((h_x**2 + h_y**2) / h_z**2)
+    if len(half_angle) <= rows:
+        return np.arange(len(half_angle))
+    order = np.argsort(half_angle)
     sharpest = rows // 8
     spread = np.linspace(sharpest, len(order) - 1, rows - sharpest).astype(np.intp)
     chosen: NDArray[np.intp] = np.sort(order[np.concatenate([np.arange(sharpest), spread])])

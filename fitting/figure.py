@@ -75,7 +75,8 @@ def draw_figure(report: FitReport) -> Figure:
     heights = [0.3 + 0.2 * len(head), (2.3 + lower) * blocks + foot]
     figure = Figure(figsize=(width, sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
-    top, body = figure.subfigures(2, 1, height_ratios=heights)
+    parts = figure.add_gridspec(2, 1, height_ratios=heights)
+    top, body = figure.add_subfigure(parts[0]), figure.add_subfigure(parts[1])
     for k, (text, style) in enumerate(head):
         top.text(0.012, 1 - (0.28 + 0.2 * k) / heights[0], text, va="center", **style)
     _draw_body(body, report, panels, columns, blocks, lower)
@@ -165,9 +166,10 @@ def _draw_body(
         )
         mean = "" if len(shown) == 1 else ", mean of the channels shown"
         bar.set_label(residuals.label + mean, fontsize=8)
-        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar.outline.set_visible(False)
         bar.ax.tick_params(labelsize=7)
-    _legend(body, [m.channels[c] for c in shown], [colours[c] for c in shown])
+    names = [m.channels[c] for c in shown]
+    _legend(body, names, [colours[c] for c in shown], maps=not panels.in_plane)
 
 
 def _draw_lobes(ax: Axes, panel: Panel, values: Array, lobes: Array, colours: list[str]) -> None:
@@ -235,10 +237,11 @@ def _draw_map(ax: Any, panel: Panel, left: Array, limit: float) -> Any:
     )
     ax.plot(0.0, panel.theta, "o", markersize=6, markerfacecolor="none", color=DARK, zorder=3)
     ax.set_ylim(0, 90)
-    ax.set_yticks([30, 60, 90], ["30°", "60°", ""])
+    ax.set_yticks([30, 60, 90], ["", "", ""])
     ax.set_xticks(np.deg2rad([0, 90, 180, 270]), ["", "", "", ""])
-    ax.set_rlabel_position(112)
-    ax.tick_params(labelsize=6, colors=GREY)
+    halo: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5}
+    for ring in (30, 60):
+        ax.text(np.pi / 2, ring, f"{ring}°", fontsize=6, color=GREY, ha="center", bbox=halo)
     ax.spines["polar"].set(color=GREY, linewidth=0.6)
     return mapped
 
@@ -275,7 +278,7 @@ def _value_span(
     return low / 2.0, 2.0 * top
 
 
-def _legend(body: SubFigure, channels: list[str], colours: list[str]) -> None:
+def _legend(body: SubFigure, channels: list[str], colours: list[str], *, maps: bool) -> None:
     from matplotlib.lines import Line2D
 
     single = len(channels) == 1
@@ -285,6 +288,11 @@ def _legend(body: SubFigure, channels: list[str], colours: list[str]) -> None:
         Line2D([], [], color=ACCENT if single else GREY, linewidth=1.5, label="fitted"),
         Line2D([], [], color=GREY, linewidth=0.8, linestyle=":", label="mirror direction"),
     ]
+    if maps:
+        ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5}
+        entries.append(
+            Line2D([], [], color=DARK, markerfacecolor="none", label="the same on a map", **ring)
+        )
     if not single:
         entries += [
             Line2D([], [], color=colour, linewidth=3, label=name)

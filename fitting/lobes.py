@@ -290,8 +290,10 @@ def _axis(angles: Array, steps: tuple[float, float], span: tuple[float, float]) 
 
 def _nearest(axis: Array, angles: Array, period: float | None = None) -> Index:
     step = axis[1] - axis[0] if len(axis) > 1 else 1.0
-    index = np.rint((angles - axis[0]) / step).astype(np.intp)
-    return np.mod(index, len(axis)) if period else np.clip(index, 0, len(axis) - 1)
+    index: Index = np.rint((angles - axis[0]) / step).astype(np.intp)
+    if period:
+        index %= len(axis)
+    return np.clip(index, 0, len(axis) - 1)
 
 
 def _exr_name(channel: str) -> str:

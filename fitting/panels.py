@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -205,7 +204,7 @@ def _panel(
     aside = 0.0 if in_plane else float(np.deg2rad(np.median(_away(turn, m.theta_o[near]))))
     mirror = float(np.rad2deg(theta))
     low, high = (float(angle.min()), float(angle.max())) if angle.size else (-85.0, 85.0)
-    line_angle = np.array(list(_line_angles(max(low - 3, -89.5), min(high + 3, 89.5), mirror)))
+    line_angle = _line_angles(max(low - 3, -89.5), min(high + 3, 89.5), mirror)
     tilt = np.abs(np.deg2rad(line_angle))
     azimuth = phi + np.where(line_angle > 0, np.pi, 0.0) + aside
     fixed = (np.full(tilt.shape, theta), np.full(tilt.shape, phi))
@@ -223,10 +222,8 @@ def _panel(
     )
 
 
-def _line_angles(low: float, high: float, mirror: float) -> Iterator[float]:
+def _line_angles(low: float, high: float, mirror: float) -> Array:
     """Give angles dense enough for a lobe of a hundredth of a degree at the mirror direction."""
     close = np.geomspace(0.003, 6.0, 60)
-    angles = [np.linspace(low, high, 361), mirror - close, mirror + close, [mirror]]
-    for angle in np.unique(np.concatenate(angles)).tolist():
-        if low <= angle <= high:
-            yield angle
+    angles = np.concatenate([np.linspace(low, high, 361), mirror - close, mirror + close])
+    return np.unique(np.clip(np.append(angles, mirror), low, high))

@@ -56,8 +56,8 @@ def minimise(
     high: Array,
     step: Array,
     *,
-    xtol: float = 1e-5,
-    ftol_rel: float = 1e-9,
+    xtol: float = 1e-3,
+    ftol_rel: float = 1e-6,
     max_evaluations: int = 300,
 ) -> Found:
     """Minimise within bounds, without derivatives.
@@ -70,7 +70,8 @@ def minimise(
     start, low, high, step : ndarray, shape (n,)
         Start (clipped into the bounds), bounds, and initial step.
     xtol, ftol_rel : float
-        Absolute tolerance of the parameters; relative one of the value.
+        Absolute tolerance of the parameters; relative one of the value. They only
+        have to reach the valley: Gauss-Newton takes the last digits.
     max_evaluations : int
         Always finite: some algorithms never meet a tolerance in a corner.
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult, ParameterEstimate
 
-__all__ = ["cautions", "flags", "parameters", "ranking", "with_error"]
+__all__ = ["aligned", "cautions", "flags", "parameters", "ranking", "with_error"]
 
 MISSING = "-"
 
@@ -47,7 +47,7 @@ def ranking(report: FitReport) -> str:
                 ", ".join(flags(r)),
             )
         )
-    lines = _aligned(rows, left=(1, 7))
+    lines = aligned(rows, left=(1, 7))
     lines += [f"not fitted: {f.candidate}: {f.reason}" for f in report.failed]
     return "\n".join(lines)
 
@@ -115,7 +115,7 @@ def parameters(result: FitResult) -> str:
         channel and a column per parameter that channels have for themselves.
     """
     shared = [e for e in result.estimates if e.channel is None or len(result.channels) == 1]
-    lines = _aligned(
+    lines = aligned(
         [(e.name, _value(e), "" if e.unit == "1" else e.unit, e.meaning) for e in shared],
         left=(0, 1, 2, 3),
     )
@@ -126,7 +126,7 @@ def parameters(result: FitResult) -> str:
     cells = {(e.channel, e.name): _value(e) for e in own}
     rows = [("channel", *names)]
     rows += [(c, *(cells.get((c, n), MISSING) for n in names)) for c in result.channels]
-    return "\n".join([*lines, *_aligned(rows, left=range(len(names) + 1))])
+    return "\n".join([*lines, *aligned(rows, left=range(len(names) + 1))])
 
 
 def with_error(value: float, error: float | None) -> str:
@@ -168,7 +168,7 @@ def _difference(bic: float) -> str:
     return f"{bic:.1f}" if bic < 1e4 else f"{bic:.2e}"
 
 
-def _aligned(rows: Sequence[tuple[str, ...]], left: Sequence[int]) -> list[str]:
+def aligned(rows: Sequence[tuple[str, ...]], left: Sequence[int]) -> list[str]:
     """Pad columns to their widest cell; those in `left` to the left, others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)] if rows else []
     return [

@@ -23,6 +23,7 @@ Precision = Literal["single", "double"]
 # horizon: they are rounding of 90 degrees, and 1/(n.i n.o) would overflow.
 MIN_COSINE = 1e-7
 N_PLANES = 11
+LOG2_COS_H = 9
 # Directions per work-item on a CPU: enough to hide a launch, few enough to share out.
 BLOCKS_PER_CHUNK = 8
 
@@ -146,6 +147,16 @@ class Directions:
             self.blocks_per_chunk = -(-n_blocks // self.n_chunks)
         self.n_vectors = self.n_chunks * self.blocks_per_chunk * BLOCK
         self.padded = self.n_vectors * self.width
+
+    def log2_cos_h(self) -> NDArray[np.float64]:
+        """Read log2(n.h) back, shape (N,)."""
+        import pyopencl as cl
+
+        row = np.empty(self.padded, dtype=self.dtype)
+        with opencl_errors("reading directions"):
+            offset = LOG2_COS_H * self.padded * self.dtype.itemsize
+            cl.enqueue_copy(self.device.queue, row, self.planes, src_offset=offset)
+        return row[: self.count].astype(np.float64)
 
     def release(self) -> None:
         """Free the device's memory."""

@@ -1,0 +1,286 @@
+"""The command line: ``lobefit fit``, ``models``, ``devices`` and ``simulate``.
+
+Answers go to standard output, progress and complaints to standard error. Exit status: 0 if all
+went well, 2 for bad input (one line says what and where), 130 when interrupted.
+Imports that take time are inside the commands, so that ``lobefit --help`` is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from lobefit import __version__
+
+__all__ = ["app", "main"]
+
+Progress = Callable[[int, int, str], None]
+
+
+class _Commands(TyperGroup):
+    """The group of commands, which turns Lobefit's errors into one line and status 2."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            from lobefit.kernels.errors import LobefitError
+
+            if not isinstance(error, LobefitError):
+                raise
+            typer.echo(f"Error: {error}", err=True)
+            raise typer.Exit(2) from error
+
+
+app = typer.Typer(
+    name="lobefit",
+    cls=_Commands,
+    help="Fit reflectance models (BRDFs) to goniometer measurements.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+def main() -> None:
+    """Run the command line; the entry point of the package."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that knows no ± shows a question mark, not a traceback.
+        stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+    app(prog_name="lobefit")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"lobefit {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def fit(
+    file: Annotated[Path, typer.Argument(help="Measurement: a Lobefit CSV, also .csv.gz.")],
+    models: Annotated[
+        str,
+        typer.Option(help="quick, standard, all, or candidates such as ggx,ward:isotropic."),
+    ] = "standard",
+    metric: Annotated[
+        str, typer.Option(help="How to weigh residuals: auto, chi2, relative, log, cube_root.")
+    ] = "auto",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for report.json, fit.png, lobes.exr and samples.csv."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the report as one JSON document.")
+    ] = False,
+    device: Annotated[
+        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
+    ] = None,
+) -> None:
+    """Fit every candidate model to a measurement and rank them."""
+    from dataclasses import replace
+
+    from lobefit.fitting import fit as fit_models
+    from lobefit.fitting import read_measurement
+    from lobefit.fitting.document import to_json
+    from lobefit.kernels.errors import LobefitError
+    from lobefit.service.texts import measurement_lines, result_lines, wrapped
+
+    if out is not None and out.exists() and not out.is_dir():
+        raise LobefitError(f"--out {out} is a file; name a folder")
+    measurement = read_measurement(file)
+    digest = _sha256(file)
+    with _progress() as progress:
+        report = fit_models(
+            measurement, models=models, metric=metric, device=device, progress=progress
+        )
+    report = replace(report, settings={**report.settings, "sha256": digest})
+    written = {} if out is None else report.save(out)
+    if as_json:
+        typer.echo(to_json(report.to_dict()))
+        return
+    for line in measurement_lines(measurement):
+        typer.echo(line)
+    typer.echo("\n" + wrapped(report.verdict) + "\n")
+    for line in result_lines(report):
+        typer.echo(line)
+    if written:
+        typer.echo("\nWritten: " + ", ".join(map(str, written.values())))
+
+
+@app.command()
+def models(
+    name: Annotated[str | None, typer.Argument(help="Show the manual page of this model.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """List the models, or show the manual page of one."""
+    from lobefit.kernels import get_model
+    from lobefit.kernels import models as all_models
+    from lobefit.service.texts import manual_page, model_document, model_list
+
+    chosen = {name: get_model(name.partition(":")[0])} if name else all_models()
+    if as_json:
+        from lobefit.fitting.document import to_json
+
+        typer.echo(to_json({"models": [model_document(m) for m in chosen.values()]}))
+    elif name:
+        typer.echo(manual_page(chosen[name]))
+    else:
+        typer.echo(model_list(chosen.values()))
+        typer.echo("\n`lobefit models NAME` shows the formula, its source and its parameters.")
+
+
+@app.command()
+def devices(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+) -> None:
+    """List the OpenCL devices and mark the one that is used."""
+    from dataclasses import asdict
+
+    from lobefit.kernels import DeviceError, get_device
+    from lobefit.kernels import devices as all_devices
+
+    found = all_devices()
+    used, trouble = None, None
+    try:
+        used = get_device().info
+    except DeviceError as error:  # the list helps to choose another
+        trouble = error
+    if as_json:
+        from lobefit.fitting.document import to_json
+
+        listed = [{**asdict(info), "used": info == used} for info in found]
+        typer.echo(to_json({"devices": listed}))
+    else:
+        for info in found:
+            double = "" if info.double else ", no double precision"
+            typer.echo(f"{'*' if info == used else ' '} {info.id}  {info.kind}  {info}{double}")
+        if used:
+            typer.echo("\n* is used; LOBEFIT_DEVICE or --device chooses another.")
+    if trouble:
+        raise trouble
+
+
+@app.command()
+def simulate(
+    model: Annotated[str, typer.Argument(help="A model or a variant, such as ggx:k_s=1.")],
+    out: Annotated[Path, typer.Option(help="The CSV to write; .csv.gz compresses.")],
+    param: Annotated[
+        list[str] | None,
+        typer.Option(help="A parameter, as alpha=0.3 or k_d=0.1,0.2,0.3 by channel; repeatable."),
+    ] = None,
+    geometry: Annotated[
+        str,
+        typer.Option(help="in-plane or hemisphere, also 'in-plane incidences=15,45 step=2.5'."),
+    ] = "in-plane",
+    noise: Annotated[
+        str, typer.Option(help="Relative noise, and additive noise in 1/sr.")
+    ] = "0.02,0.001",
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
+    channels: Annotated[
+        str | None, typer.Option(help="Channel names, separated by commas.")
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(help="A choice of the model, as masking=smith_separable; repeatable."),
+    ] = None,
+    sigma: Annotated[
+        bool, typer.Option("--sigma", help="State the uncertainty in sigma_ columns.")
+    ] = False,
+    material: Annotated[
+        str | None, typer.Option(help="What to call the surface in the file.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
+    ] = None,
+) -> None:
+    """Make the measurement that an instrument would give of a model surface."""
+    from lobefit.fitting.artefacts import write_together
+    from lobefit.fitting.simulate import simulate as simulate_model
+    from lobefit.fitting.writers import write_measurement
+    from lobefit.service.texts import size
+
+    relative, additive = _pair(noise)
+    params = {key: _numbers(value, "--param") for key, value in _settings(param, "--param")}
+    measurement = simulate_model(
+        model,
+        params,
+        geometry=geometry,
+        noise=(relative, additive),
+        seed=seed,
+        channels=channels.split(",") if channels else None,
+        options=dict(_settings(option, "--option")) or None,
+        sigma=sigma,
+        device=device,
+        metadata={"material": material} if material else None,
+    )
+    write_together(out.parent, {out.name: lambda path: write_measurement(measurement, path)})
+    typer.echo(f"{out}: {size(measurement)}, simulated with {model}, seed {seed}")
+
+
+def _sha256(file: Path) -> str | None:
+    import hashlib
+
+    if not file.is_file():  # a pipe is read once
+        return None
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@contextmanager
+def _progress() -> Iterator[Progress | None]:
+    """Show a bar on standard error while something runs; nothing where nobody watches."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total, label: bar.update(
+            task, completed=done, total=total, description=label
+        )
+
+
+def _settings(texts: list[str] | None, flag: str) -> Iterator[tuple[str, str]]:
+    """Split texts such as ``alpha=0.3``."""
+    for text in texts or ():
+        key, equals, value = text.partition("=")
+        if not (key and equals and value):
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=flag)
+        yield key.strip(), value.strip()
+
+
+def _numbers(text: str, flag: str) -> float | list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number", param_hint=flag) from None
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _pair(text: str) -> tuple[float, float]:
+    numbers = _numbers(text, "--noise")
+    if not isinstance(numbers, list) or len(numbers) != 2:
+        raise typer.BadParameter(f"{text!r} is not RELATIVE,ADDITIVE", param_hint="--noise")
+    return numbers[0], numbers[1]

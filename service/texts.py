@@ -1,0 +1,131 @@
+"""What the commands say, as plain text and as JSON-ready values."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.report import FitReport
+from lobefit.fitting.tables import aligned, cautions, parameters
+from lobefit.kernels import Model, get_model
+
+__all__ = [
+    "manual_page",
+    "measurement_lines",
+    "model_document",
+    "model_list",
+    "result_lines",
+    "size",
+    "wrapped",
+]
+
+WIDTH = 88
+
+
+def wrapped(text: str, indent: str = "") -> str:
+    """Break a paragraph into lines, those after the first indented."""
+    return textwrap.fill(text, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+
+
+def size(m: Measurement) -> str:
+    """Say how much was measured."""
+    names = ", ".join(m.channels if m.n_channels <= 6 else (*m.channels[:2], "...", m.channels[-1]))
+    plural = "" if m.n_channels == 1 else "s"
+    return f"{m.n_directions} directions, {m.n_channels} channel{plural} ({names})"
+
+
+def measurement_lines(m: Measurement) -> Iterator[str]:
+    """Say what was read, and what became of the rest."""
+    material = m.metadata.get("material")
+    yield f"{m.source}: {size(m)}" + (f", {material}" if material else "")
+    if m.n_dropped or m.n_merged:
+        yield f"  {m.rows_read} rows read, {m.n_dropped} dropped, {m.n_merged} merged into others"
+    for entry in m.dropped:
+        lines = ", ".join(map(str, entry.rows[:8])) + (", ..." if entry.count > 8 else "")
+        yield wrapped(f"  dropped {entry.count}: {entry.rule} (lines {lines})", "    ")
+    for note in m.notes:
+        yield wrapped(f"  note: {note}", "    ")
+
+
+def result_lines(report: FitReport) -> Iterator[str]:
+    """Give the ranking, the best result's parameters and what to beware of."""
+    best = report.best
+    lobe = get_model(best.model).lobe
+    yield report.table()
+    yield f"\n{best.candidate}: {lobe.title}"
+    yield wrapped(f"  {lobe.convention}", "  ")
+    for line in parameters(best).splitlines():
+        yield f"  {line}"
+    warnings = cautions(best)
+    if warnings:
+        yield "\nBeware"
+        for text in warnings:
+            yield wrapped(f"  - {text}", "    ")
+    if best.diagnostics.worst:
+        yield "\nWorst fitted"
+        for text in best.diagnostics.worst:
+            yield wrapped(f"  - {text}", "    ")
+    yield "\n" + wrapped(f"metric {report.metric}, {report.seconds:.2g} s on {best.stop.device}")
+
+
+def model_list(models: Iterable[Model]) -> str:
+    """Give a line for each model."""
+    rows = [("model", "sets", "variants", "")]
+    for m in models:
+        variants = ", ".join(f"{m.name}:{v.name}" for v in m.lobe.variants)
+        rows.append((m.name, ", ".join(m.sets), variants, m.title))
+    return "\n".join(aligned(rows, left=range(4)))
+
+
+def manual_page(model: Model) -> str:
+    """Give the manual page with the tables of parameters and properties."""
+    rows = [("name", "unit", "range", "default", "", "meaning")]
+    for p in model.parameters:
+        low, high = p.bounds
+        kind = "per channel" if p.per_channel else "shared"
+        if p.linear:
+            kind += ", linear"
+        rows.append((p.name, p.unit, f"{low:g} to {high:g}", f"{p.default:g}", kind, p.meaning))
+    lines = [model.page, "", "Parameters", "----------", *aligned(rows, left=range(6))]
+    flags = {"reciprocal": model.reciprocal, "isotropic": model.isotropic}
+    said = [word if holds else f"not {word}" for word, holds in flags.items()]
+    lines += ["", "Properties", "----------", f"{', '.join(said)}; {model.lobe.energy}"]
+    lines.append(f"candidate sets: {', '.join(model.sets)}")
+    variants = ", ".join(f"{model.name}:{v.name}" for v in model.lobe.variants)
+    if variants:
+        lines.append(f"variants: {variants}")
+    for option, choices in model.lobe.options.items():
+        lines.append(f"option {option}: {', '.join(choices)}")
+    return "\n".join(lines)
+
+
+def model_document(model: Model) -> dict[str, Any]:
+    """Give the same as JSON-ready values."""
+    return {
+        "name": model.name,
+        "title": model.title,
+        "convention": model.lobe.convention,
+        "source": model.lobe.source,
+        "energy": model.lobe.energy,
+        "reciprocal": model.reciprocal,
+        "isotropic": model.isotropic,
+        "sets": list(model.sets),
+        "variants": [f"{model.name}:{v.name}" for v in model.lobe.variants],
+        "options": {name: list(choices) for name, choices in model.lobe.options.items()},
+        "parameters": [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "meaning": p.meaning,
+                "lower": p.bounds[0],
+                "upper": None if p.bounds[1] == float("inf") else p.bounds[1],
+                "default": p.default,
+                "per_channel": p.per_channel,
+                "linear": p.linear,
+            }
+            for p in model.parameters
+        ],
+        "page": model.page,
+    }
