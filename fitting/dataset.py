@@ -110,7 +110,8 @@ class Dataset:
         m = self.measurement
         if self.uses_sigma and m.sigma is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
-                return np.where(np.isfinite(m.values), 1.0 / m.sigma**2, 0.0)
+                known: Array = np.where(np.isfinite(m.values), 1.0 / m.sigma**2, 0.0)
+            return known
         size = np.abs(m.values)
         level = np.nanmedian(size, axis=1, keepdims=True)
         if self.metric == "chi2":

@@ -71,7 +71,7 @@ def draw_figure(report: FitReport) -> Figure:
     lower = 1.0 if panels.in_plane else 1.9
     width = max(2.7 * columns + 1.7, 6.4)
     head = _headline(report, panels, width)
-    foot = 0.5 if panels.in_plane else 1.0
+    foot = 0.5 if panels.in_plane else 0.8
     heights = [0.3 + 0.2 * len(head), (2.3 + lower) * blocks + foot]
     figure = Figure(figsize=(width, sum(heights)), layout="constrained")
     FigureCanvasAgg(figure)
@@ -110,6 +110,8 @@ def channel_colours(channels: tuple[str, ...]) -> list[str]:
 def _draw_body(
     body: SubFigure, report: FitReport, panels: Panels, columns: int, blocks: int, lower: float
 ) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     m, best = report.measurement, report.best
     residuals = Residuals(m, best)
     shown = choose_channels(m.n_channels)
@@ -162,8 +164,9 @@ def _draw_body(
     body.align_ylabels()
     if mapped is not None:
         bar = body.colorbar(
-            mapped, ax=body.axes, location="bottom", shrink=0.4, aspect=40, extend="both"
+            mapped, ax=body.axes, location="bottom", shrink=0.45, aspect=40, extend="both"
         )
+        bar.locator = MaxNLocator(5, symmetric=True)
         mean = "" if len(shown) == 1 else ", mean of the channels shown"
         bar.set_label(residuals.label + mean, fontsize=8)
         bar.outline.set_visible(False)
@@ -355,7 +358,10 @@ def _parameter_texts(result: FitResult) -> list[str]:
         elif len({e.value for e in own}) == 1:
             value = f"{own[0].value:.4g}"
         elif len(own) <= 3:
-            value = ", ".join(with_error(e.value, e.standard_error) for e in own)
+            value = ", ".join(
+                "–" if e.status == "undetermined" else with_error(e.value, e.standard_error)
+                for e in own
+            )
         else:
             numbers = [e.value for e in own]
             value = f"{min(numbers):.3g} to {max(numbers):.3g}"

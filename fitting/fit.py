@@ -20,7 +20,14 @@ from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopRepo
 from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic, rank
 from lobefit.fitting.uncertainty import estimates
 from lobefit.fitting.verdict import verdict
-from lobefit.kernels import Candidate, Device, FitError, candidates, get_device
+from lobefit.kernels import (
+    Candidate,
+    Device,
+    FitError,
+    MeasurementError,
+    candidates,
+    get_device,
+)
 
 __all__ = ["Progress", "fit"]
 
@@ -174,6 +181,8 @@ def fit(
 
     Raises
     ------
+    MeasurementError
+        Too few directions for every candidate.
     FitError
         No candidate could be fitted, or an unknown metric.
     ModelError
@@ -207,11 +216,10 @@ def fit(
             try:
                 chosen = _options_of(candidate, options)
                 judged.append(_judge(dataset, fit_point(candidate, dataset, chosen)))
-            except FitError as error:
+            except (FitError, MeasurementError) as error:
                 failed.append(FailedFit(candidate.name, str(error)))
-        if not judged:
-            reasons = "; ".join(f.reason for f in failed)
-            raise FitError(f"no candidate could be fitted: {reasons}")
+                if not judged and candidate is wanted[-1]:
+                    raise
         results = _ranked(dataset, judged)
         if progress is not None:
             progress(len(wanted), len(wanted), "done")

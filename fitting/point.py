@@ -14,7 +14,7 @@ from lobefit.fitting.noise import estimate_noise, gaussian_deviance, level, vari
 from lobefit.fitting.polish import Polished, polish
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.search import Found, minimise
-from lobefit.kernels import Candidate, FitError
+from lobefit.kernels import Candidate, FitError, MeasurementError
 from lobefit.kernels.sums import Observations
 
 __all__ = ["PointFit", "fit_point"]
@@ -116,8 +116,10 @@ def fit_point(
 
     Raises
     ------
+    MeasurementError
+        Too few directions for the model.
     FitError
-        Fewer values than parameters, or no finite objective anywhere.
+        No finite objective anywhere.
     """
     began = time.perf_counter()
     problem = Problem(candidate, dataset, options)
@@ -126,9 +128,10 @@ def fit_point(
     samples = int(dataset.used.sum())
     dof = samples - n_parameters
     if dof < 1 or (dataset.used.sum(axis=1) < 1 + len(candidate.solved)).any():
-        raise FitError(
-            f"{candidate.name} has {n_parameters} parameters for {samples} usable values in "
-            f"{channels} channels; measure more directions or fit a simpler model"
+        raise MeasurementError(
+            f"{samples} usable values in {channels} channels are too few directions for "
+            f"{candidate.name} with {n_parameters} parameters; measure more or fit a simpler model",
+            file=dataset.measurement.source or None,
         )
     dataset.reset_weights()
     nodes, node_values, node_c = problem.scan()

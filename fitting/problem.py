@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.projection import coordinates, solve_bounded
 from lobefit.fitting.scale import SearchScale
-from lobefit.kernels import Candidate
+from lobefit.kernels import Candidate, FitError
 from lobefit.kernels.evaluate import basis_values
 from lobefit.kernels.program import model_program
 from lobefit.kernels.sums import Observations, normal_equations
@@ -38,6 +38,11 @@ class Problem:
     options : mapping of str to str, optional
         Pieces the model is compiled with.
 
+    Raises
+    ------
+    FitError
+        A searched parameter with one value per channel.
+
     Attributes
     ----------
     coordinates : Coordinates
@@ -51,6 +56,12 @@ class Problem:
     def __init__(
         self, candidate: Candidate, dataset: Dataset, options: Mapping[str, str] | None = None
     ) -> None:
+        own = [p.name for p in candidate.searched if p.per_channel]
+        if own:
+            raise FitError(
+                f"{candidate.name}: {', '.join(own)} is nonlinear and differs by channel; fit the "
+                "channels one at a time (evaluation takes a list, the search one value)"
+            )
         self.candidate = candidate
         self.dataset = dataset
         self.program = model_program(candidate.model, options)

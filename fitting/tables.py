@@ -31,7 +31,16 @@ def ranking(report: FitReport) -> str:
     known = [r.bic for r in report.results if r.bic is not None]
     lowest = min(known, default=0.0)
     rows = [
-        ("", "candidate", "parameters", "BIC diff", "rmse [1/sr]", "log10 rms", "albedo", "flags")
+        (
+            "",
+            "candidate",
+            "parameters",
+            "BIC diff",
+            "rmse [1/sr]",
+            "log10 rms",
+            "max albedo",
+            "flags",
+        )
     ]
     for rank, r in enumerate(report.results, start=1):
         log10_rms = r.diagnostics.log10_rms
@@ -78,9 +87,11 @@ def cautions(result: FitResult) -> list[str]:
     said = []
     d, p = result.diagnostics, result.plausibility
     if d.misfit_limited:
-        said.append(f"misfit-limited: {d.misfit_reason or 'the model, not the noise, limits it'}")
-        if not result.noise.given:
-            said.append("the standard errors count the misfit as noise: read them as lower limits")
+        reason = f" ({d.misfit_reason})" if d.misfit_reason else ""
+        said.append(
+            f"misfit-limited{reason}: the standard errors take the model for true; "
+            "its misfit makes the real ones larger"
+        )
     if not p.conserves_energy:
         k = max(range(len(p.albedo_max)), key=lambda c: p.albedo_max[c])
         said.append(
@@ -94,9 +105,9 @@ def cautions(result: FitResult) -> list[str]:
         )
     for e in result.estimates:
         if e.status in ("lower", "upper"):
-            said.append(f"{_label(e)} = {e.value:.4g} lies on its {e.status} bound")
+            said.append(f"{_label(e, result)} = {e.value:.4g} lies on its {e.status} bound")
         elif e.status == "undetermined":
-            said.append(f"{_label(e)} is not determined by these data")
+            said.append(f"{_label(e, result)} is not determined by these data")
     if len(said) > 12:  # 31 channels on one bound are one thing to know
         said = [s for s in said if " bound" not in s and "not determined" not in s]
         said += [f for f in flags(result) if f.endswith(("bound", "undetermined"))]
@@ -154,8 +165,8 @@ def _places(value: float) -> int:
     return -int(f"{value:e}".partition("e")[2])
 
 
-def _label(e: ParameterEstimate) -> str:
-    return e.name if e.channel is None else f"{e.name}[{e.channel}]"
+def _label(e: ParameterEstimate, result: FitResult) -> str:
+    return f"{e.name}[{e.channel}]" if e.channel and len(result.channels) > 1 else e.name
 
 
 def _value(e: ParameterEstimate) -> str:

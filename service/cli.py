@@ -122,7 +122,8 @@ def fit(
     for line in result_lines(report):
         typer.echo(line)
     if written:
-        typer.echo("\nWritten: " + ", ".join(map(str, written.values())))
+        names = ", ".join(path.name for path in written.values())
+        typer.echo(f"\nWritten to {out}: {names}")
 
 
 @app.command()

@@ -39,7 +39,7 @@ def size(m: Measurement) -> str:
 def measurement_lines(m: Measurement) -> Iterator[str]:
     """Say what was read, and what became of the rest."""
     material = m.metadata.get("material")
-    yield f"{m.source}: {size(m)}" + (f", {material}" if material else "")
+    yield wrapped(f"{m.source}: {size(m)}" + (f", {material}" if material else ""), "  ")
     if m.n_dropped or m.n_merged:
         yield f"  {m.rows_read} rows read, {m.n_dropped} dropped, {m.n_merged} merged into others"
     for entry in m.dropped:
