@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -108,8 +108,9 @@ def _serve(pipe: Connection, dtype: str, share: int) -> None:
     angles, values, weights, sets = problem()
     worker = GgxSums(Geometry.of(*angles), values, weights, dtype)
     part = [p[share::CORES] for p in sets]
-    while pipe.recv():
-        pipe.send(worker.chi_square(*part))
+    with suppress(EOFError):  # the parent is gone
+        while pipe.recv():
+            pipe.send(worker.chi_square(*part))
 
 
 @contextmanager
@@ -130,9 +131,11 @@ def numpy_in_processes(dtype: str) -> Iterator[Sums]:
             total[k::CORES] = pipe.recv()
         return total
 
-    yield together
-    for pipe in pipes:
-        pipe.send(False)
+    try:
+        yield together
+    finally:
+        for pipe in pipes:
+            pipe.send(False)
 
 
 class _OneLane(Device):

@@ -118,9 +118,10 @@ def table(result: dict[str, Any]) -> str:
         "first fit s",
         "fit s",
         "slope",
-        "import MB",
-        "+ read MB",
-        "+ fit MB",
+        "imports",
+        "+ read",
+        "+ fit",
+        f"+ {WARM_RUNS} fits",
     )
     lines = [
         f"{result['model']}, {result['channels']} channels with sigma, {result['cores']} cores",

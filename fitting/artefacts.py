@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from lobefit.fitting.document import to_json
@@ -66,6 +67,7 @@ def write_together(folder: Path, makers: Mapping[str, Callable[[Path], object]])
     LobefitError
         The folder cannot be made or written to.
     """
+    new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".lobefit-", dir=folder) as temporary:
@@ -76,6 +78,10 @@ def write_together(folder: Path, makers: Mapping[str, Callable[[Path], object]])
     except OSError as error:
         reason = error.strerror or error
         raise LobefitError(f"cannot write to the folder {folder}: {reason}") from error
+    finally:
+        if new:
+            with suppress(OSError):  # an empty folder is of no use to anyone
+                folder.rmdir()
 
 
 def _write_text(path: Path, text: str) -> None:

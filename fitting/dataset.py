@@ -61,24 +61,22 @@ class Dataset:
         # Otherwise the noise is estimated from the residuals, or the metric has none.
         self.estimates_noise = METRICS[metric] == "identity" and not self.uses_sigma
         start = self._start_weights()
-        every = np.arange(m.n_directions)
         uploaded: dict[int, Directions] = {}
 
-        def observe(rows: NDArray[np.intp], transform: Metric, weights: Array) -> Observations:
-            if len(rows) not in uploaded:
-                uploaded[len(rows)] = Directions(
-                    device,
-                    m.theta_i[rows],
-                    m.phi_i[rows],
-                    m.theta_o[rows],
-                    m.phi_o[rows],
-                    self.precision,
-                )
-            return Observations(uploaded[len(rows)], m.values[:, rows], weights[:, rows], transform)
+        def observe(
+            chosen: NDArray[np.intp] | None, transform: Metric, weights: Array
+        ) -> Observations:
+            size = m.n_directions if chosen is None else len(chosen)
+            # A slice, not an index, where it is all of them: no copies of a million rows.
+            rows = slice(None) if chosen is None or size == m.n_directions else chosen
+            if size not in uploaded:
+                i, o = (m.theta_i[rows], m.phi_i[rows]), (m.theta_o[rows], m.phi_o[rows])
+                uploaded[size] = Directions(device, *i, *o, precision=self.precision)
+            return Observations(uploaded[size], m.values[:, rows], weights[:, rows], transform)
 
         transform = METRICS[metric]
         ones = start if transform == "identity" else np.ones_like(start)
-        self.full = observe(every, transform, ones)
+        self.full = observe(None, transform, ones)
         half_angle = -self.full.directions.log2_cos_h()
         self.search_rows = thinned(half_angle, SEARCH_ROWS)
         self.scan_rows = self.search_rows[thinned(half_angle[self.search_rows], SCAN_ROWS)]
@@ -86,7 +84,7 @@ class Dataset:
         self.search = self.full if same else observe(self.search_rows, transform, ones)
         self.scan = observe(self.scan_rows, "identity", start)
         self.used = self.full.used
-        self._start = ones
+        self._started = True
         self._scans: Scans | None = None
         self._logarithmic: Observations | None = None
 
@@ -110,25 +108,31 @@ class Dataset:
         m = self.measurement
         if self.uses_sigma and m.sigma is not None:
             with np.errstate(divide="ignore", invalid="ignore"):
-                known: Array = np.where(np.isfinite(m.values), 1.0 / m.sigma**2, 0.0)
+                known: Array = np.where(np.isfinite(m.values), m.sigma**-2.0, 0.0)
             return known
         size = np.abs(m.values)
         level = np.nanmedian(size, axis=1, keepdims=True)
         if self.metric == "chi2":
-            return np.ones_like(size) / np.maximum(level, 1e-300) ** 2
+            constant: Array = np.ones_like(size) / np.maximum(level, 1e-300) ** 2
+            return constant
         # For the start only: relative weights of the measured value with a floor.
         weights: Array = np.nan_to_num(1.0 / (size**2 + (0.05 * level) ** 2 + 1e-300))
         return weights
 
     def set_weights(self, weights: Array) -> None:
         """Replace the weights of all rows, shape (C, N)."""
+        self._started = False
         self.full.set_weights(weights)
         if self.search is not self.full:
             self.search.set_weights(weights[:, self.search_rows])
 
     def reset_weights(self) -> None:
         """Put the weights back that every candidate starts with."""
-        self.set_weights(self._start)
+        if self._started:
+            return
+        identity = METRICS[self.metric] == "identity"
+        self.set_weights(self._start_weights() if identity else np.ones(self.used.shape))
+        self._started = True
 
     def release(self) -> None:
         """Free the device's memory."""

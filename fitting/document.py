@@ -74,9 +74,11 @@ def report_document(report: FitReport) -> dict[str, Any]:
 def to_json(document: Mapping[str, Any]) -> str:
     """Write a document as strict JSON, indented, with lists of numbers on one line."""
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
-    # Only lists without strings match: a quote inside would end the run of allowed characters.
+    # A line break stands only between values, never inside a string.
     return re.sub(
-        r"\[\s+(?:(?:-?\d[\d.eE+-]*|null),?\s+)+\]", lambda m: " ".join(m[0].split()), text
+        r"\[\n\s*((?:(?:-?\d[\d.eE+-]*|null),?\s+)+)\]",
+        lambda found: f"[{' '.join(found[1].split())}]",
+        text,
     )
 
 

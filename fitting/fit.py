@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import METRICS, Dataset
-from lobefit.fitting.diagnostics import decades, log10_rms, worst_regions
+from lobefit.fitting.diagnostics import decades, log10_rms, rmse, worst_regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
@@ -60,8 +60,9 @@ def _judge(dataset: Dataset, point: PointFit) -> _Judged:
         floor = np.maximum(point.values, 1e-300)
         transform = np.log if dataset.metric == "log" else np.cbrt
         residuals, deviance = transform(safe) - transform(floor), None
-    z = np.where(used, residuals / point.sigma, np.nan)
-    return _Judged(point, deviance, dataset.scans.autocorrelation_time(z), z)
+    residuals /= point.sigma
+    residuals[~used] = np.nan
+    return _Judged(point, deviance, dataset.scans.autocorrelation_time(residuals), residuals)
 
 
 def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics:
@@ -108,7 +109,6 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: st
     found = estimates(point, m.channels, scale)
     size = problem.candidate.n_parameters(m.n_channels)
     effective = samples / correlation
-    residuals = np.where(dataset.used, m.values - point.values, np.nan)
     return FitResult(
         model=problem.candidate.model.name,
         candidate=problem.candidate.name,
@@ -117,7 +117,7 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: st
         params=found.params,
         estimates=found.rows,
         covariance=found.covariance,
-        rmse=float(np.sqrt(np.nanmean(residuals**2))),
+        rmse=rmse(m.values, point.values, dataset.used),
         bic=None if judged.deviance is None else bic(judged.deviance, samples, effective, size),
         log_likelihood=None
         if judged.deviance is None

@@ -25,20 +25,25 @@ ENOUGH = 4096
 
 def level(f: Array, measured: Array) -> Array:
     """Give h, shape (C, N), of model values and measured values (C, N) in 1/sr."""
-    h: Array = np.fmax(f, 0.5 * np.abs(measured))
-    return h
+    h: Array = np.abs(measured)
+    h *= 0.5
+    return np.fmax(f, h, out=h)
 
 
 def variance(h: Array, additive: Array, relative: Array) -> Array:
     """Give sigma^2, shape (C, N), of levels h (C, N) and scales (C,)."""
-    v: Array = (additive**2)[:, None] + ((relative**2)[:, None]) * h**2
+    v: Array = h * h
+    v *= (relative**2)[:, None]
+    v += (additive**2)[:, None]
     return v
 
 
 def gaussian_deviance(residuals: Array, v: Array, used: NDArray[np.bool_]) -> float:
     """Give -2 ln L of residuals with variances v, the log sigma terms included."""
-    terms = residuals**2 / v + np.log(2.0 * np.pi * v)
-    return float(terms[used].sum())
+    total = 0.0
+    for r, v_c, u in zip(residuals, v, used, strict=True):  # by channel, to save memory
+        total += float(np.sum(r * r / v_c + np.log(2.0 * np.pi * v_c), where=u))
+    return total
 
 
 def estimate_noise(

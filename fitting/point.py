@@ -183,7 +183,8 @@ def _noise(
         measured - f, h, dataset.used, n_parameters, relative=dataset.metric == "relative"
     )
     v = variance(h, additive, relative)
-    return additive, relative, 1.0 / v, gaussian_deviance(measured - f, v, dataset.used)
+    deviance = gaussian_deviance(measured - f, v, dataset.used)
+    return additive, relative, np.divide(1.0, v, out=v), deviance
 
 
 def _with_noise(

@@ -99,11 +99,6 @@ class Directions:
         self.visible = above_horizon(flat[0], flat[2])
         self._share_out()
 
-        everything = np.zeros((4, self.padded))
-        for row, a in zip(everything, flat, strict=True):
-            row[: self.count] = a
-        # What is not visible gets harmless numbers (along the normal) and is masked later.
-        everything[:, : self.count][:, ~self.visible] = 0.0
         with opencl_errors("uploading directions"):
             self.planes = cl.Buffer(
                 device.context,
@@ -111,10 +106,13 @@ class Directions:
                 N_PLANES * self.padded * self.dtype.itemsize,
             )
             angles_buffer = cl.Buffer(
-                device.context,
-                cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR,
-                hostbuf=everything,
+                device.context, cl.mem_flags.READ_ONLY, 4 * self.padded * flat[0].itemsize
             )
+            for k, a in enumerate(flat):
+                # What is not visible, and the padding, looks along the normal: harmless.
+                row = np.zeros(self.padded)
+                np.copyto(row[: self.count], a, where=self.visible)
+                cl.enqueue_copy(device.queue, angles_buffer, row, dst_offset=k * row.nbytes)
             source = f"{shared_text('types.h')}\n{shared_text('geometry.cl')}"
             store = 64 if precision == "double" else 32
             width = device.width("double")

@@ -78,16 +78,19 @@ class Observations:
         self.used = np.isfinite(values) & directions.visible
         if metric == "log":
             self.used &= values > 0.0
-        safe = np.where(self.used, values, 1.0)
         # A model value this small ends the logarithm's domain: far below any datum.
-        self.tiny = float(1e-6 * np.min(np.abs(safe[self.used]), initial=1.0) + 1e-30)
+        smallest = np.min(np.abs(values), where=self.used & (values != 0.0), initial=1.0)
+        self.tiny = float(1e-6 * smallest + 1e-30)
         flags = cl.mem_flags
         self._flags = flags
         size = self.channels * directions.padded * directions.dtype.itemsize
         with opencl_errors("uploading a measurement"):
             self.values = cl.Buffer(directions.device.context, flags.READ_ONLY, size)
             self.weights = cl.Buffer(directions.device.context, flags.READ_ONLY, size)
-        self._upload(self.values, np.where(self.used, transform(safe, metric), 0.0))
+        if metric == "identity":
+            self._upload(self.values, values)
+        else:
+            self._upload(self.values, transform(np.where(self.used, values, 1.0), metric))
         self.set_weights(weights)
 
     def _upload(self, buffer: Any, rows: Array) -> None:
@@ -95,13 +98,13 @@ class Observations:
 
         d = self.directions
         padded = np.zeros((self.channels, d.padded), dtype=d.dtype)
-        padded[:, : d.count] = rows
+        np.copyto(padded[:, : d.count], rows, where=self.used, casting="same_kind")
         with opencl_errors("uploading a measurement"):
             cl.enqueue_copy(d.device.queue, buffer, padded)
 
     def set_weights(self, weights: Array) -> None:
         """Replace the weights, shape (C, N)."""
-        self._upload(self.weights, np.where(self.used, weights, 0.0))
+        self._upload(self.weights, weights)
 
     def release(self) -> None:
         """Free the device's memory; the directions stay."""
