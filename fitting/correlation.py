@@ -14,8 +14,8 @@ Index = NDArray[np.intp]
 
 # Angles closer than this (rad) belong to one scan line: 0.05 degrees.
 SAME = 9e-4
-# Rows that determine the correlation well enough.
-ENOUGH = 65_536
+# Rows that determine the correlation well enough; of more, whole lines are chosen.
+ENOUGH = 32_768
 
 
 class Scans:
@@ -24,8 +24,8 @@ class Scans:
     Parameters
     ----------
     orders : list of (order, starts)
-        For each kind of scan the permutation of the rows and a flag per
-        permuted row that starts a new scan line.
+        For each kind of scan the rows in order, line by line, and a flag per
+        row of that order that starts a new line.
     """
 
     def __init__(self, orders: list[tuple[Index, NDArray[np.bool_]]]) -> None:
@@ -47,19 +47,8 @@ class Scans:
         """
         time = 1.0
         for order, starts in self._orders:
-            rows = _stretches(len(order))
-            time *= _autocorrelation_time(np.nan_to_num(z[:, order[rows]]), starts[rows])
+            time *= _autocorrelation_time(np.nan_to_num(z[:, order]), starts)
         return time
-
-
-def _stretches(size: int) -> NDArray[np.intp] | slice:
-    """Choose rows for the estimate: all, or evenly spread stretches of a large measurement."""
-    if size <= ENOUGH:
-        return slice(None)
-    length = ENOUGH // 16
-    first = np.linspace(0, size - length, 16).astype(np.intp)
-    rows: NDArray[np.intp] = (first[:, None] + np.arange(length)).ravel()
-    return rows
 
 
 def _autocorrelation_time(z: Array, starts: NDArray[np.bool_]) -> float:
@@ -83,26 +72,35 @@ def _autocorrelation_time(z: Array, starts: NDArray[np.bool_]) -> float:
 
 
 def find_scans(measurement: Measurement) -> Scans:
-    """Find the scan lines of a measurement: runs of theta_o, and runs of phi_o.
+    """Find the scan lines of a measurement: runs of theta_o, of phi_o, and of theta_i.
 
     Points scattered over the hemisphere form no lines and count as independent.
     """
     m = measurement
     theta_i, phi_i, theta_o, phi_o = (
-        np.round(np.mod(a, 2.0 * np.pi) / SAME).astype(np.int64)
-        for a in (m.theta_i, m.phi_i, m.theta_o, m.phi_o)
+        (a * (1.0 / SAME) + 0.5).astype(np.int64) for a in (m.theta_i, m.phi_i, m.theta_o, m.phi_o)
     )
-    # In the plane of incidence theta_o runs through the pole: a signed angle on one line.
-    half = round(np.pi / SAME)
-    signed = np.where(phi_o >= half, -m.theta_o, m.theta_o)
+    turn, half = round(2.0 * np.pi / SAME), round(np.pi / SAME)
+    phi_i, phi_o = phi_i % turn, phi_o % turn
+    # In the plane of incidence theta runs through the pole: a signed angle on one line.
+    signed_i = np.where(phi_i >= half, -m.theta_i, m.theta_i)
+    signed_o = np.where(phi_o >= half, -m.theta_o, m.theta_o)
     orders = []
-    for running, across in ((signed, np.mod(phi_o, half)), (np.mod(m.phi_o, 2.0 * np.pi), theta_o)):
+    for running, first, second, third in (
+        (signed_o, theta_i, phi_i, phi_o % half),
+        (m.phi_o, theta_i, phi_i, theta_o),
+        (signed_i, theta_o, phi_o, phi_i % half),
+    ):
         # 13 bits hold a full turn in steps of SAME; one sort of one integer is the fastest.
-        line = ((theta_i << 13) | phi_i) << 13 | across
-        fine = np.round((running + np.pi) * 2.0**20).astype(np.int64)
+        line = ((first << 13) | second) << 13 | third
+        share = -(-len(line) // ENOUGH)
+        # A multiplicative hash (Knuth) picks lines, not rows.
+        rows = np.flatnonzero((line * 2_654_435_761 >> 16) % share == 0)
+        line = line[rows]
+        fine = ((running[rows] + 2.0 * np.pi) * 2.0**20).astype(np.int64)
         order = np.argsort((line << 24) | fine)
         starts = np.ones(len(order), dtype=bool)
         starts[1:] = np.diff(line[order]) != 0
         if starts.mean() < 0.5:  # lines of two and more, else there is nothing to correlate
-            orders.append((order, starts))
+            orders.append((rows[order], starts))
     return Scans(orders)

@@ -123,11 +123,11 @@ def _region(m: Measurement, rows: slice) -> NDArray[np.intp]:
     sines = np.sin(theta_i) * np.sin(theta_o)
     cos_io = cos_i * cos_o + sines * delta
     cos_r = cos_i * cos_o - sines * delta
-    near = np.degrees(0.5 * np.arccos(np.clip(cos_r, -1.0, 1.0))) < NEAR_MIRROR
-    retro = np.degrees(np.arccos(np.clip(cos_io, -1.0, 1.0))) < NEAR_RETRO
+    near = cos_r > np.cos(np.radians(2.0 * NEAR_MIRROR))
+    retro = cos_io > np.cos(np.radians(NEAR_RETRO))
     side = np.where(delta < -0.7, 0, np.where(delta > 0.7, 1, 2))
     kind = np.where(near, 3, np.where(retro, 4, side))
-    bin_i = np.minimum(np.degrees(theta_i) // 15, 5).astype(np.intp)
-    bin_o = np.minimum(np.degrees(theta_o) // 15, 5).astype(np.intp)
+    bin_i = np.minimum((theta_i * (12.0 / np.pi)).astype(np.intp), 5)
+    bin_o = np.minimum((theta_o * (12.0 / np.pi)).astype(np.intp), 5)
     region: NDArray[np.intp] = (bin_i * 6 + bin_o) * 5 + kind
     return region

@@ -14,7 +14,7 @@ from lobefit.fitting.diagnostics import decades, log10_rms, rmse, worst_regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
-from lobefit.fitting.point import PointFit, fit_point
+from lobefit.fitting.point import GROSS, PointFit, fit_point
 from lobefit.fitting.report import FailedFit, FitReport
 from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopReport
 from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic, rank
@@ -49,6 +49,14 @@ class _Judged:
     correlation: float
     z: Array
 
+    @property
+    def spread(self) -> float:
+        """Relative scatter that the fit ascribes to noise; 0 where sigma was given."""
+        dataset = self.fit.problem.dataset
+        if dataset.metric == "log":
+            return float(self.fit.sigma.flat[0])
+        return float(self.fit.relative.max())
+
 
 def _judge(dataset: Dataset, point: PointFit) -> _Judged:
     measured, used = dataset.measurement.values, dataset.used
@@ -75,6 +83,11 @@ def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics
         reason = (
             f"residuals are {np.sqrt(reduced):.2g} times the stated sigma "
             f"(reduced chi-square {reduced:.3g})"
+        )
+    elif judged.spread > GROSS:
+        reason = (
+            f"residuals of {100 * judged.spread:.0f} % of the value are more than any "
+            "instrument's noise"
         )
     elif judged.correlation > CORRELATED:
         reason = (

@@ -25,12 +25,12 @@ Channels are named ``LAYER.CHANNEL``, in 32-bit floating point, 1/sr:
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
@@ -44,6 +44,7 @@ __all__ = [
     "out_of_plane",
     "planes_of",
     "signed",
+    "write_exr",
     "write_lobes",
 ]
 
@@ -129,7 +130,7 @@ def make_grid(measurement: Measurement) -> Grid:
     Parameters
     ----------
     measurement : Measurement
-        Steps are those of its angles: 0.25 to 1 degree in the plane of incidence, 1 to
+        Steps are those of its angles: 0.25 to 2.5 degrees in the plane of incidence, 1 to
         5 degrees in tiles, coarser where the picture would have more than `MAX_NUMBERS`.
     """
     m = measurement
@@ -147,7 +148,7 @@ def make_grid(measurement: Measurement) -> Grid:
     theta_o = np.rad2deg(m.theta_o[rows])
     if in_plane:
         side = signed(theta_o, turn)
-        theta = _axis(side, (0.25, 1.0), (-90.0, 90.0))
+        theta = _axis(side, (0.25, 2.5), (-90.0, 90.0))
         row, column, phi = incidence, _nearest(theta, side), np.array([180.0])
     else:
         turned = np.mod(np.rad2deg(turn), 360.0)
@@ -172,7 +173,7 @@ def make_grid(measurement: Measurement) -> Grid:
 
 
 def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None:
-    """Write the picture and read it back.
+    """Write the lobes of a result beside what was measured.
 
     Parameters
     ----------
@@ -188,21 +189,40 @@ def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None
     LobefitError
         The file cannot be written, or does not hold what was written.
     """
-    import OpenEXR
-
     grid = make_grid(measurement)
-    layers = _layers(grid, result, measurement)
-    # float32 and contiguous, each its own array: strided ones are stored wrongly without an
-    # error (AcademySoftwareFoundation/openexr#1929).
-    pixels = {
-        f"{layer}.{_exr_name(channel)}": np.ascontiguousarray(values[c], dtype=np.float32)
-        for layer, values in layers.items()
+    planes = {
+        f"{layer}.{_exr_name(channel)}": values[c]
+        for layer, values in _layers(grid, result, measurement).items()
         for c, channel in enumerate(measurement.channels)
     }
+    write_exr(path, planes, _attributes(grid, result, measurement))
+
+
+def write_exr(path: Path, planes: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> None:
+    """Write planes as 32-bit floats and make sure that the file holds them.
+
+    Parameters
+    ----------
+    path : Path
+        An ``.exr`` file; replaced if it exists.
+    planes : mapping of str to array_like, shape (height, width)
+        By the channel's name.
+    attributes : mapping of str to str
+        For the header.
+
+    Raises
+    ------
+    LobefitError
+        The file cannot be written, or does not hold what was written.
+    """
+    import OpenEXR
+
+    # Strided arrays are stored wrongly without an error (AcademySoftwareFoundation/openexr#1929).
+    pixels = {name: np.ascontiguousarray(p, dtype=np.float32) for name, p in planes.items()}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,  # lossless, unlike PXR24, B44 and DWA
         "type": OpenEXR.scanlineimage,
-        **_attributes(grid, result, measurement),
+        **attributes,
     }
     try:
         OpenEXR.File(header, dict(pixels)).write(str(path))
@@ -301,7 +321,7 @@ def _exr_name(channel: str) -> str:
     return channel.replace(".", ",")
 
 
-def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, Any]:
+def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, str]:
     """Describe the axes; strings only, which every version of OpenEXR keeps."""
     rows = "incidence" if grid.layout == "in-plane" else "incidence, then phi_o - phi_i"
     columns = "signed theta_o" if grid.layout == "in-plane" else "theta_o"

@@ -17,12 +17,16 @@ from lobefit.fitting.search import Found, minimise
 from lobefit.kernels import Candidate, FitError, MeasurementError
 from lobefit.kernels.sums import Observations
 
-__all__ = ["PointFit", "fit_point"]
+__all__ = ["GROSS", "PointFit", "fit_point"]
 
 Array = NDArray[np.float64]
 
 # Separate valleys of the scan that NLopt starts from.
 STARTS = 3
+# ... if their nodes are no worse than this many times the best one.
+RIVAL = 2.0
+# Points per dimension of the finer look, by the number of dimensions.
+ZOOM = (9, 7, 5, 3)
 # Rounds of "estimate the noise, fit again"; two or three settle it.
 NOISE_ROUNDS = 8
 # A relative scale above this is no instrument's noise but a model that does not fit.
@@ -65,16 +69,37 @@ class PointFit:
     seconds: float
 
 
-def _starts(t: Array, value: Array, spacing: Array) -> list[int]:
-    """Choose nodes that are the best of their neighbourhood, best first."""
-    chosen: list[int] = []
+def _starts(problem: Problem) -> list[tuple[Array, Array]]:
+    """Scan for the valleys: points (t, c) to start from, the best first."""
+    t = problem.nodes()
+    value, c = problem.scan(t)
+    spacing = problem.scale.spacing
+    valleys: list[int] = []
     for k in np.argsort(value, kind="stable"):
-        near = any(np.all(np.abs(t[k] - t[j]) <= 1.5 * spacing) for j in chosen)
+        near = any(np.all(np.abs(t[k] - t[j]) <= 1.5 * spacing) for j in valleys)
         if not near and np.isfinite(value[k]):
-            chosen.append(int(k))
-        if len(chosen) == STARTS or (chosen and value[k] > 100.0 * value[chosen[0]]):
+            valleys.append(int(k))
+        if len(valleys) == STARTS or (valleys and value[k] > RIVAL * value[valleys[0]]):
             break
-    return chosen
+    if len(valleys) < 2:
+        return [(t[k], c[k]) for k in valleys]
+    # Several are as good: a finer look around each tells them apart.
+    steps = np.linspace(-0.5, 0.5, ZOOM[min(t.shape[1], len(ZOOM)) - 1])
+    offsets = np.stack(
+        [a.ravel() for a in np.meshgrid(*[steps] * t.shape[1], indexing="ij")], axis=-1
+    )
+    close = t[valleys][:, None, :] + offsets * spacing
+    close = np.clip(close, problem.scale.low, problem.scale.high)
+    value, c = problem.scan(close.reshape(-1, t.shape[1]))
+    value = value.reshape(len(valleys), -1)
+    c = c.reshape(len(valleys), len(offsets), *c.shape[1:])
+    lowest = np.argmin(value, axis=1)
+    best = value[np.arange(len(valleys)), lowest]
+    return [
+        (close[k, lowest[k]], c[k, lowest[k]])
+        for k in np.argsort(best, kind="stable")
+        if best[k] <= RIVAL * best.min()
+    ]
 
 
 def _search(problem: Problem, data: Observations, t: Array, c: Array) -> tuple[Found, Array]:
@@ -134,18 +159,18 @@ def fit_point(
             file=dataset.measurement.source or None,
         )
     dataset.reset_weights()
-    nodes, node_values, node_c = problem.scan()
-    chosen = _starts(nodes, node_values, problem.scale.spacing)
-    if not chosen:
+    starts = _starts(problem)
+    if not starts:
         raise FitError(f"{candidate.name}: no point of the start scan gives finite residuals")
-    runs = [_search(problem, dataset.search, nodes[k], node_c[k]) for k in chosen]
+    scanned = problem.evaluations
+    runs = [_search(problem, dataset.search, t, c) for t, c in starts]
     found, c = min(runs, key=lambda run: run[0].value)
     if not np.isfinite(found.value):
         raise FitError(f"{candidate.name}: {found.reason}")
     polished = polish(problem, found.point, c, dof)
     additive = relative = np.zeros(channels)
     algorithm = [
-        f"scan of {len(nodes)} nodes",
+        f"scan of {scanned} nodes",
         f"NLopt {found.algorithm} from {len(runs)} starts",
         "Gauss-Newton",
     ]

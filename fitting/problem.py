@@ -89,35 +89,43 @@ class Problem:
         # Held parameters are not moved, but a zero step would divide by zero.
         return np.where(full > 0.0, full, STEP[self.dataset.precision])[None, :]
 
-    def scan(self) -> tuple[Array, Array, Array]:
-        """Try every node of the start scan in one launch.
+    def nodes(self) -> Array:
+        """Give the nodes of the start scan, shape (P, n), each label once."""
+        t = self.scale.nodes()
+        axes = self.candidate.model.lobe.axes
+        names = [p.name for p in self.candidate.searched]
+        if axes and set(axes) <= set(names):
+            wide, narrow = names.index(axes[0]), names.index(axes[1])
+            t = t[t[:, wide] >= t[:, narrow] - 1e-12]
+        return t
+
+    def scan(self, t: Array) -> tuple[Array, Array]:
+        """Try many points in one launch, on the scan's rows.
+
+        Parameters
+        ----------
+        t : ndarray, shape (P, n)
+            Search coordinates.
 
         Returns
         -------
-        t : ndarray, shape (P, n)
         value : ndarray, shape (P,)
             Sum of squared weighted residuals at the best coefficients.
         c : ndarray, shape (P, C, K)
             Those coefficients.
         """
-        t = self.scale.nodes()
-        axes = self.candidate.model.lobe.axes
-        names = [p.name for p in self.candidate.searched]
-        if axes and set(axes) <= set(names):  # half of the nodes carry another's label
-            wide, narrow = names.index(axes[0]), names.index(axes[1])
-            t = t[t[:, wide] >= t[:, narrow] - 1e-12]
         sums = normal_equations(self.program, self.dataset.scan, self.parameters(t))
         self.evaluations += len(t)
         d = self._solve(sums.gram, sums.rhs, np.zeros(sums.rhs.shape))
         c = self.coordinates.coefficients(d)
         value = sums.chi_square - 2.0 * np.einsum("pck,pck->pc", sums.rhs, c)
         value += np.einsum("pck,pckl,pcl->pc", c, sums.gram, c)
-        return t, value.sum(axis=1), c
+        return value.sum(axis=1), c
 
     def _solve(self, gram: Array, rhs: Array, anchor: Array) -> Array:
         """Solve for coordinates (..., D), given sums (..., K) of residuals at the anchor."""
         k = self.coordinates
-        offset = np.einsum("...kl,...l->...k", gram, anchor - k.c0)
+        offset = (gram @ (anchor - k.c0)[..., None])[..., 0]
         shape = rhs.shape[:-1]
         size = k.T.shape[1]
         G = (k.T.T @ gram @ k.T).reshape(-1, size, size)
@@ -157,9 +165,8 @@ class Problem:
             if linear:
                 new = self.coordinates.coefficients(self._solve(gram, rhs, trial))
                 change = new - trial
-                value = value - 2.0 * np.einsum("ck,ck->c", rhs, change)
-                value += np.einsum("ck,ckl,cl->c", change, gram, change)
-                return float(value.sum()), new
+                bent = (gram @ change[:, :, None])[:, :, 0]
+                return float(value.sum() + np.sum(change * (bent - 2.0 * rhs))), new
             worse = ~(value <= best)
             better = ~worse
             gain = np.where(np.isfinite(best), best - value, np.inf)

@@ -56,8 +56,8 @@ def minimise(
     high: Array,
     step: Array,
     *,
-    xtol: float = 1e-3,
-    ftol_rel: float = 1e-6,
+    xtol: float = 2e-3,
+    ftol_rel: float = 1e-4,
     max_evaluations: int = 300,
 ) -> Found:
     """Minimise within bounds, without derivatives.
@@ -82,22 +82,21 @@ def minimise(
     start = np.clip(start, low, high)
     best_point, best_value = start.copy(), np.inf
     worst, count = 0.0, 0
-    raised: BaseException | None = None
+    raised: Exception | None = None
 
     # BOBYQA interpolates quadratically but needs two dimensions.
-    single = len(start) == 1
-    algorithm = "LN_NELDERMEAD" if single else "LN_BOBYQA"
+    algorithm = "LN_NELDERMEAD" if len(start) == 1 else "LN_BOBYQA"
     opt = nlopt.opt(getattr(nlopt, algorithm), len(start))
 
+    # It must not refer to opt: a cycle through C++ would never be collected.
     def guarded(x: Array, _gradient: Array) -> float:
         nonlocal best_point, best_value, worst, count, raised
         count += 1
         try:
             value = float(objective(np.array(x)))
-        except BaseException as error:  # noqa: BLE001 - NLopt would swallow or transform it
+        except Exception as error:
             raised = error
-            opt.force_stop()
-            return 0.0
+            raise
         if not np.isfinite(value):
             # Large, finite, and growing outwards, so that the search turns back.
             away = float(np.abs((x - best_point) / step).sum())
@@ -119,7 +118,7 @@ def minimise(
         reason = REASONS.get(opt.last_optimize_result(), "unknown")
     except nlopt.RoundoffLimited:
         reason = "limited by rounding"
-    except (RuntimeError, ValueError, nlopt.ForcedStop, SystemError) as error:
+    except Exception as error:  # noqa: BLE001 - NLopt transforms what the objective raises
         reason = f"NLopt: {error or type(error).__name__}"
     if raised is not None:
         raise raised

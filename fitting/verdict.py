@@ -26,11 +26,14 @@ def verdict(results: Sequence[FitResult], described: bool) -> str:
     """
     best = results[0]
     d = best.diagnostics
-    rms = "" if d.log10_rms is None else f", rms of log10 {d.log10_rms:.3f}"
-    if described:
-        text = [f"{best.candidate} describes this surface (rmse {best.rmse:.3g} 1/sr{rms})."]
+    quality = f"(rmse {best.rmse:.3g} 1/sr"
+    if best.noise.given:
+        quality += f", reduced chi-square {d.reduced_chi_square:.3g})"
     else:
-        quality = f"(rmse {best.rmse:.3g} 1/sr{rms})"
+        quality += ")" if d.log10_rms is None else f", rms of log10 {d.log10_rms:.3f})"
+    if described:
+        text = [f"{best.candidate} describes this surface {quality}."]
+    else:
         text = [f"No candidate describes this surface; the best is {best.candidate} {quality}."]
         if d.worst:
             text.append(f"It fails most at {d.worst[0]}.")

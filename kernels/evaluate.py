@@ -42,7 +42,7 @@ def basis_values(
     device, d = directions.device, directions
     sets = len(x)
     kernel = device.kernel(
-        program.values_source(), "basis_values", build_options(d.width, d.precision)
+        program.values_source, "basis_values", build_options(d.width, d.precision)
     )
     out = np.empty((sets, program.n_basis, d.padded), dtype=d.dtype)
     with opencl_errors(f"evaluating {program.model.name}"):

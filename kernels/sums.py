@@ -151,20 +151,21 @@ def _launch(
     n_sums = 1 + (columns + columns * (columns + 1) // 2 if gram else 0)
     kernel = device.kernel(
         program.sums_source(
-            metric=METRICS[observations.metric], gram=gram, derivatives=derivatives, device=device
+            metric=METRICS[observations.metric],
+            gram=gram,
+            derivatives=derivatives,
+            strided=not device.is_cpu,
         ),
         "weighted_sums",
         build_options(d.width, d.precision),
     )
     out = np.empty((sets, d.n_chunks, channels, n_sums))
+    # One small upload: x, steps, coefficients behind one another.
+    parts = (x, x if steps is None else steps, coefficients)
+    packed = np.concatenate([p.ravel() for p in parts]).astype(d.dtype)
     flags = cl.mem_flags
     with opencl_errors(f"summing {program.model.name}"):
-
-        def upload(a: Array) -> Any:
-            host = np.ascontiguousarray(a, dtype=d.dtype) if a.size else np.zeros(1, d.dtype)
-            return cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=host)
-
-        small = [upload(x), upload(x if steps is None else steps), upload(coefficients)]
+        small = cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=packed)
         result = cl.Buffer(device.context, flags.WRITE_ONLY, out.nbytes)
         kernel(
             device.queue,
@@ -175,15 +176,15 @@ def _launch(
             observations.values,
             observations.weights,
             np.int32(channels),
-            *small,
+            small,
             d.dtype.type(observations.tiny),
             np.int32(d.n_chunks),
             np.int32(d.blocks_per_chunk),
             result,
         )
         cl.enqueue_copy(device.queue, out, result)
-        for buffer in (*small, result):
-            buffer.release()
+        small.release()
+        result.release()
     total: Array = out.sum(axis=1)
     return total
 

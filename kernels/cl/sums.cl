@@ -28,10 +28,11 @@
 
 kernel void weighted_sums(global const real *planes, const int n, global const real *values,
                           global const real *weights, const int n_channels,
-                          global const scalar *x, global const scalar *steps,
-                          global const scalar *coefficients, const scalar tiny,
+                          global const scalar *parameters, const scalar tiny,
                           const int n_chunks, const int blocks_per_chunk, global double *out) {
-  const int chunk = get_global_id(0), set = get_global_id(1);
+  const int chunk = get_global_id(0), set = get_global_id(1), n_sets = get_global_size(1);
+  global const scalar *x = parameters, *steps = x + n_sets * N_X;
+  global const scalar *coefficients = steps + n_sets * N_X;
   const constants c = prepare(x + set * N_X);
 #if DERIVATIVES
   constants ahead[N_X], behind[N_X];

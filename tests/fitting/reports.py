@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any, Literal
 
 import numpy as np
@@ -17,11 +18,34 @@ from lobefit.fitting.result import (
     Plausibility,
     StopReport,
 )
+from lobefit.fitting.simulate import simulate
 from lobefit.kernels import candidate
 from lobefit.kernels.parameters import complete
 
 Params = dict[str, float | list[float]]
 Status = Literal["free", "fixed", "lower", "upper", "undetermined"]
+GLOSSY: Params = {"k_d": 0.05, "F0": 0.05, "alpha": 0.1}
+# Few directions: the tests look at files, not at fits.
+SCANS = {
+    "in-plane": "in-plane incidences=0,30,60 step=5",
+    "hemisphere": "hemisphere incidences=20,50 theta_step=10 phi_step=30",
+}
+
+
+def simulated(scan: str, channels: list[str], **settings: Any) -> Measurement:
+    """Measure a glossy surface along one of `SCANS`, or any other."""
+    return simulate(
+        "ggx", GLOSSY, SCANS.get(scan, scan), channels=channels, noise=(0.01, 1e-4), **settings
+    )
+
+
+def strict(text: str) -> Any:
+    """Parse JSON without the extensions that Python's parser allows."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
 
 
 def hand_made_result(m: Measurement, name: str, params: Params, **changes: Any) -> FitResult:
@@ -47,7 +71,7 @@ def hand_made_result(m: Measurement, name: str, params: Params, **changes: Any) 
                     meaning=p.meaning,
                 )
             )
-    free = sum(e.status == "free" for e in estimates)
+    free = sum(e.status != "fixed" for e in estimates)
     fields: dict[str, Any] = {
         "model": chosen.model.name,
         "candidate": name,

@@ -1,0 +1,423 @@
+"""Which device is used, and what the user is told when there is none that can be."""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyopencl as cl
+import pytest
+
+from lobefit.fitting import fit, simulate
+from lobefit.kernels import (
+    Device,
+    DeviceError,
+    DeviceInfo,
+    LobefitError,
+    device,
+    devices,
+    evaluate,
+    get_device,
+    models,
+)
+from lobefit.kernels.device import opencl_errors
+from tests.kernels.strategies import directions
+
+SOME = directions(500, seed=11)
+
+
+def info(id_: str, name: str, version: str, kind: str = "cpu", double: bool = True) -> DeviceInfo:
+    return DeviceInfo(id_, name, "a platform", version, kind, double)
+
+
+POCL_3 = info("0:0", "a CPU", "OpenCL 3.0 PoCL 3.0-rc2  Linux, LLVM 14.0.6")
+POCL_31 = info("1:0", "a CPU", "OpenCL 3.0 PoCL 3.1+debian  Linux, LLVM 15")
+POCL_100 = info("5:0", "a CPU", "OpenCL 3.0 PoCL 10.0  Linux, LLVM 30")
+OTHER_CPU = info("2:0", "a CPU", "OpenCL 3.0 LINUX")
+GPU = info("3:0", "a GPU", "OpenCL 3.0 CUDA", kind="gpu")
+SMALL_GPU = info("4:0", "a small GPU", "OpenCL 1.2", kind="gpu", double=False)
+
+
+class Opened:
+    """In the place of `Device`: what would have been opened."""
+
+    def __init__(self, info: DeviceInfo, _device: object) -> None:
+        self.info = info
+
+    def check_process(self) -> None:
+        pass
+
+
+@pytest.fixture
+def choose(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Give the id that would be opened if the machine had these devices."""
+    monkeypatch.setattr(device, "Device", Opened)
+    monkeypatch.setattr(shutil, "which", lambda _name: "/usr/bin/ld")
+    monkeypatch.delenv(device.ENVIRONMENT_VARIABLE, raising=False)
+
+    def choose(found: tuple[DeviceInfo, ...], spec: str | None = None) -> str:
+        monkeypatch.setattr(device, "_open", {})
+        monkeypatch.setattr(device, "_all_devices", lambda: [(one, None) for one in found])
+        return get_device(spec).info.id
+
+    return choose
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget the opened devices, so that programs are built again."""
+    monkeypatch.setattr(device, "_open", {})
+
+
+def python(script: str, **environment: str) -> str:
+    """Run a script in a new process and give its output."""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+# The rule
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        ((POCL_3, POCL_31, OTHER_CPU, GPU, SMALL_GPU), POCL_31),  # the newest PoCL
+        ((POCL_3, POCL_31, POCL_100), POCL_100),  # 10 is newer than 3, though "10" < "3"
+        ((OTHER_CPU, GPU), OTHER_CPU),  # a CPU before others
+        ((GPU, SMALL_GPU), GPU),  # double precision is needed
+    ],
+)
+def test_the_rule_does_not_depend_on_the_order(
+    choose: Callable[..., str], found: tuple[DeviceInfo, ...], expected: DeviceInfo
+) -> None:
+    for order in itertools.permutations(found):
+        assert choose(order) == expected.id
+
+
+@pytest.mark.parametrize(
+    ("spec", "expected"),
+    [("3:0", GPU), ("gpu", GPU), ("GPU", GPU), ("2:0", OTHER_CPU), ("debian", POCL_31)],
+)
+def test_a_device_is_chosen_by_id_kind_or_name(
+    choose: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    spec: str,
+    expected: DeviceInfo,
+) -> None:
+    found = (POCL_3, POCL_31, OTHER_CPU, GPU)
+    assert choose(found) != expected.id or spec == "debian"
+    assert choose(found, spec) == expected.id
+    monkeypatch.setenv(device.ENVIRONMENT_VARIABLE, spec)
+    assert choose(found) == expected.id
+    assert choose(found, "0:0") == "0:0"  # the argument goes before the variable
+
+
+def test_an_unknown_device_lists_what_there_is(choose: Callable[..., str]) -> None:
+    with pytest.raises(DeviceError) as caught:
+        choose((POCL_3, GPU), "cuda9")
+    message = str(caught.value)
+    assert "'cuda9'" in message
+    for one in (POCL_3, GPU):
+        assert one.id in message
+        assert one.name in message
+
+
+def test_no_double_precision(choose: Callable[..., str]) -> None:
+    with pytest.raises(DeviceError, match=r"double precision.*4:0 = a small GPU"):
+        choose((SMALL_GPU,))
+    with pytest.raises(DeviceError, match=r"a small GPU.* no double precision.*0:0"):
+        choose((POCL_3, SMALL_GPU), "4:0")
+
+
+def test_no_device_at_all(choose: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(DeviceError, match="pip install pocl-binary-distribution"):
+        choose(())
+
+    def none() -> list[Any]:
+        raise cl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+
+    monkeypatch.undo()
+    monkeypatch.setattr(device, "_open", {})
+    monkeypatch.setattr(cl, "get_platforms", none)
+    for ask in (devices, get_device):
+        with pytest.raises(DeviceError, match=r"no OpenCL platform.*pip install pocl-binary"):
+            ask()
+
+
+def test_no_linker(choose: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _name: None)
+    with pytest.raises(DeviceError, match=r"`ld`.*apt-get install binutils"):
+        choose((POCL_3,))
+    assert choose((OTHER_CPU,)) == "2:0"  # only PoCL needs it
+
+
+def test_no_linker_on_the_path_of_a_new_process() -> None:
+    if "PoCL" not in get_device().info.version:
+        pytest.skip("the device is not PoCL, which alone needs a linker")
+    script = (
+        "from lobefit.kernels import DeviceError, evaluate\n"
+        "try:\n    evaluate('lambert', {}, 0.1, 0.0, 0.2, 0.0)\n"
+        "except DeviceError as error:\n    print(error)\n"
+    )
+    assert "apt-get install binutils" in python(script, PATH="/nonexistent")
+
+
+def test_no_pyopencl(fresh: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyopencl", None)
+    with pytest.raises(DeviceError, match="pip install pyopencl"):
+        get_device()
+
+
+# The real device
+
+
+def test_the_real_device_is_opened_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(device.ENVIRONMENT_VARIABLE, raising=False)
+    opened = get_device()
+    assert opened.info in devices()
+    for spec in (None, "", opened.info.id, opened.info.name, opened):
+        assert get_device(spec) is opened
+    monkeypatch.setenv(device.ENVIRONMENT_VARIABLE, opened.info.id)
+    assert get_device() is opened
+    monkeypatch.setenv(device.ENVIRONMENT_VARIABLE, "no such device")
+    assert get_device(opened.info.id) is opened
+    with pytest.raises(DeviceError, match=r"no such device.*there are: 0:0 = "):
+        evaluate("lambert", {}, 0.1, 0.0, 0.2, 0.0)
+    with pytest.raises(DeviceError, match="another"):
+        evaluate("lambert", {}, 0.1, 0.0, 0.2, 0.0, device="another")
+
+
+def test_a_program_that_does_not_build_shows_the_compilers_log() -> None:
+    opened = get_device()
+    for _ in range(2):  # a failure is not remembered as a program
+        with pytest.raises(DeviceError) as caught:
+            opened.kernel("kernel void broken() { not_declared = 1; }", "broken")
+        assert "does not build" in str(caught.value)
+        assert "not_declared" in str(caught.value)
+        assert opened.info.name in str(caught.value)
+    with pytest.raises(DeviceError, match="another_name"):
+        opened.kernel("kernel void a_name(global int *x) { x[0] = 1; }", "another_name")
+
+
+def opencl_error_classes(base: type[Exception]) -> Iterator[type[Exception]]:
+    yield base
+    for kind in base.__subclasses__():
+        yield from opencl_error_classes(kind)
+
+
+def test_every_opencl_error_is_mapped() -> None:
+    kinds = list(opencl_error_classes(cl.Error))
+    assert {cl.Error, cl.LogicError, cl.MemoryError, cl.RuntimeError} <= set(kinds)
+    for kind in kinds:
+        with pytest.raises(DeviceError, match="while testing") as caught:
+            with opencl_errors("testing"):
+                raise kind("what went wrong")
+        assert "what went wrong" in str(caught.value)
+        assert isinstance(caught.value.__cause__, kind)
+        assert isinstance(caught.value, LobefitError)
+    with pytest.raises(DeviceError, match="out of memory.*fewer rows"), opencl_errors("testing"):
+        raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
+    with pytest.raises(ZeroDivisionError), opencl_errors("testing"):  # anything else passes
+        raise ZeroDivisionError
+
+
+def test_an_error_of_the_runtime_is_mapped(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_arguments: object, **_keywords: object) -> None:
+        raise cl.MemoryError("clCreateBuffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
+
+    monkeypatch.setattr(cl, "Buffer", full)
+    surface = {"theta_i": [0.1], "phi_i": [0.0], "theta_o": [0.2], "phi_o": [0.0]}
+    with pytest.raises(DeviceError, match="out of memory while uploading"):
+        evaluate("ggx", {}, **surface)
+
+
+# Processes and threads
+
+FORK = """
+import os, signal
+from lobefit.kernels import DeviceError, devices, evaluate, get_device
+{before}
+child = os.fork()
+if child == 0:
+    signal.alarm(10)  # a child that hangs is killed, and answers with this signal
+    try:
+        evaluate("lambert", {{}}, 0.1, 0.0, 0.2, 0.0, device={device})
+    except DeviceError as error:
+        os._exit(7 if "spawn" in str(error) else 1)
+    os._exit(2)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+print(evaluate("lambert", {{"k_d": 0.5}}, 0.1, 0.0, 0.2, 0.0).item())
+"""
+
+FORK_FIRST = """
+import os
+import lobefit.fitting
+from lobefit.kernels import evaluate, models
+models()
+child = os.fork()
+if child == 0:
+    f = evaluate("lambert", {"k_d": 0.5}, 0.1, 0.0, 0.2, 0.0).item()
+    os._exit(7 if abs(f - 0.15915494) < 1e-8 else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.parametrize(
+    ("before", "device"),
+    [
+        ("get_device()", "None"),
+        ("evaluate('ggx', {}, 0.1, 0.0, 0.2, 0.0)", "None"),
+        ("here = get_device()", "here.info.id"),
+        ("here = get_device()", "here"),
+        ("devices()", "None"),
+    ],
+    ids=["opened", "used", "by id", "by object", "listed"],
+)
+def test_a_forked_child_is_told_instead_of_hanging(before: str, device: str) -> None:
+    """PoCL hangs for ever there: the time limit is the test, the work takes a second."""
+    answer = python(FORK.format(before=before, device=device)).split()
+    assert answer[0] == "7"
+    assert float(answer[1]) == pytest.approx(0.5 / np.pi, rel=1e-12)  # the parent goes on
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_child_forked_before_the_first_use_works() -> None:
+    assert python(FORK_FIRST).split() == ["7"]
+
+
+def in_a_worker(name: str) -> list[float]:
+    values: list[float] = evaluate(name, {}, *SOME)[0].tolist()
+    return values
+
+
+def test_spawned_workers_agree() -> None:
+    names = ["ggx", "ward"]
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        answers = pool.map_async(in_a_worker, names).get(timeout=60)
+    assert answers == [in_a_worker(name) for name in names]
+
+
+def in_threads(tasks: list[Callable[[], Any]]) -> list[Any]:
+    """Run tasks at once, starting together, and give their results."""
+    results: list[Any] = [None] * len(tasks)
+    barrier = threading.Barrier(len(tasks))
+
+    def work(k: int) -> None:
+        try:
+            barrier.wait(timeout=30)
+            results[k] = tasks[k]()
+        except Exception as error:  # noqa: BLE001 - shown by the assertions
+            results[k] = error
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(len(tasks))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=120)
+        assert not thread.is_alive()
+    return results
+
+
+def test_threads_with_different_models(fresh: None) -> None:
+    """Each sets its own arguments, launch after launch, on one queue."""
+    names = ["ggx", "ward", "cook_torrance", "blinn_phong"]
+    scales = np.linspace(0.1, 2.0, 50)
+
+    def task(name: str) -> npt.NDArray[np.float64]:
+        return np.stack([evaluate(name, {"k_s": k, "k_d": 0.0}, *SOME)[0] for k in scales])
+
+    found = in_threads([lambda name=name: task(name) for name in names])
+    for name, values in zip(names, found, strict=True):
+        one = evaluate(name, {"k_s": 1.0, "k_d": 0.0}, *SOME)[0]
+        # The coefficient multiplies on the host: only its rounding differs, and below
+        # 1e-300 the digits of denormal numbers.
+        np.testing.assert_allclose(values, np.outer(scales, one), rtol=1e-14, atol=1e-300)
+
+
+def test_threads_with_one_model_and_different_parameters(fresh: None) -> None:
+    widths = [0.05, 0.1, 0.2, 0.4]
+    repeats = 50
+
+    def task(alpha: float) -> list[bytes]:
+        return [evaluate("ggx", {"alpha": alpha}, *SOME).tobytes() for _ in range(repeats)]
+
+    found = in_threads([lambda alpha=alpha: task(alpha) for alpha in widths])
+    for alpha, values in zip(widths, found, strict=True):
+        assert values == task(alpha)
+
+
+def test_fits_in_threads(fresh: None) -> None:
+    scan = "in-plane incidences=20,60 step=10"
+    surfaces = [simulate("ggx", {"alpha": alpha}, scan, seed=1) for alpha in (0.1, 0.2, 0.4)]
+    found = in_threads([lambda m=m: fit(m, ["ggx", "lambert"]) for m in surfaces])
+    for m, report in zip(surfaces, found, strict=True):
+        assert report.best.params == fit(m, ["ggx", "lambert"]).best.params
+
+
+# Compiling
+
+
+@pytest.fixture
+def built(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]]:
+    """Record every program that is built, on a device that has none yet."""
+    monkeypatch.setattr(device, "_open", {})
+    record: list[tuple[str, tuple[str, ...]]] = []
+    program = cl.Program
+
+    class Recorded:
+        def __init__(self, context: Any, source: str) -> None:
+            self.source, self.program = source, program(context, source)
+
+        def build(self, options: list[str]) -> Any:
+            record.append((self.source, tuple(options)))
+            return self.program.build(options)
+
+    monkeypatch.setattr(cl, "Program", Recorded)
+    return record
+
+
+def test_kernels_are_compiled_once(built: list[tuple[str, tuple[str, ...]]]) -> None:
+    first = simulate("ggx", {"alpha": 0.2}, "in-plane step=10", seed=1)
+    second = simulate("ward:isotropic", {"alpha_x": 0.3}, "in-plane step=7", seed=2)
+    fit(first, ["ggx", "ward:isotropic"])
+    so_far = len(built)
+    assert so_far > 0
+    fit(second, ["ggx", "ward:isotropic"])
+    assert len(built) == so_far
+    assert len(set(built)) == so_far  # and none of them twice
+
+
+def test_threads_compile_once_between_them(built: list[tuple[str, tuple[str, ...]]]) -> None:
+    in_threads([lambda: evaluate("ggx", {}, *SOME)] * 4)
+    assert len(built) == 2  # the geometry and the model
+    assert len(set(built)) == 2
+
+
+def test_every_model_builds_on_every_device_here() -> None:
+    """With PoCL and nothing else installed this is the one that all tests use."""
+    for one in devices():
+        if not one.double:
+            continue
+        opened: Device = get_device(one.id)
+        for name in models():
+            for precision in ("single", "double"):
+                f = evaluate(name, {}, *SOME, precision=precision, device=opened)
+                assert np.isfinite(f).all()
