@@ -43,12 +43,12 @@ class Scans:
         -------
         float
             At least 1: 1 + 2 sum of the autocorrelations up to the first that
-            noise alone could produce, multiplied over the kinds of scans.
+            noise alone could produce; the longest of the kinds of scans.
         """
-        time = 1.0
-        for order, starts in self._orders:
-            time *= _autocorrelation_time(np.nan_to_num(z[:, order]), starts)
-        return time
+        times = [
+            _autocorrelation_time(np.nan_to_num(z[:, o]), starts) for o, starts in self._orders
+        ]
+        return max(times, default=1.0)
 
 
 def _autocorrelation_time(z: Array, starts: NDArray[np.bool_]) -> float:
@@ -71,31 +71,43 @@ def _autocorrelation_time(z: Array, starts: NDArray[np.bool_]) -> float:
     return time
 
 
+def _steps(angle: Array) -> NDArray[np.int64]:
+    steps: NDArray[np.int64] = (angle * (1.0 / SAME) + 0.5).astype(np.int64)
+    return steps
+
+
+def _wrapped(phi: Array) -> Array:
+    inside = phi.min() >= 0.0 and phi.max() < 2.0 * np.pi
+    return phi if inside else np.mod(phi, 2.0 * np.pi)
+
+
 def find_scans(measurement: Measurement) -> Scans:
     """Find the scan lines of a measurement: runs of theta_o, of phi_o, and of theta_i.
 
     Points scattered over the hemisphere form no lines and count as independent.
     """
     m = measurement
-    theta_i, phi_i, theta_o, phi_o = (
-        (a * (1.0 / SAME) + 0.5).astype(np.int64) for a in (m.theta_i, m.phi_i, m.theta_o, m.phi_o)
+    half = round(np.pi / SAME)
+    theta_i, theta_o = _steps(m.theta_i), _steps(m.theta_o)
+    phi_i, phi_o = _steps(_wrapped(m.phi_i)), _steps(_wrapped(m.phi_o))
+    axis_i, axis_o = (
+        np.where(phi_i < half, phi_i, phi_i - half),
+        np.where(phi_o < half, phi_o, phi_o - half),
     )
-    turn, half = round(2.0 * np.pi / SAME), round(np.pi / SAME)
-    phi_i, phi_o = phi_i % turn, phi_o % turn
     # In the plane of incidence theta runs through the pole: a signed angle on one line.
     signed_i = np.where(phi_i >= half, -m.theta_i, m.theta_i)
     signed_o = np.where(phi_o >= half, -m.theta_o, m.theta_o)
     orders = []
     for running, first, second, third in (
-        (signed_o, theta_i, phi_i, phi_o % half),
+        (signed_o, theta_i, phi_i, axis_o),
         (m.phi_o, theta_i, phi_i, theta_o),
-        (signed_i, theta_o, phi_o, phi_i % half),
+        (signed_i, theta_o, phi_o, axis_i),
     ):
         # 13 bits hold a full turn in steps of SAME; one sort of one integer is the fastest.
         line = ((first << 13) | second) << 13 | third
-        share = -(-len(line) // ENOUGH)
-        # A multiplicative hash (Knuth) picks lines, not rows.
-        rows = np.flatnonzero((line * 2_654_435_761 >> 16) % share == 0)
+        # Of many, a multiplicative hash (Knuth) picks lines, not rows.
+        share = min(ENOUGH / len(line), 1.0)
+        rows = np.flatnonzero((line * 2_654_435_761 & 0xFFFFFFFF) < share * 2**32)
         line = line[rows]
         fine = ((running[rows] + 2.0 * np.pi) * 2.0**20).astype(np.int64)
         order = np.argsort((line << 24) | fine)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.correlation import Scans, find_scans
+from lobefit.fitting.diagnostics import regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.kernels import Device
 from lobefit.kernels.geometry import Directions, Precision
@@ -77,7 +80,7 @@ class Dataset:
         transform = METRICS[metric]
         ones = start if transform == "identity" else np.ones_like(start)
         self.full = observe(None, transform, ones)
-        half_angle = -self.full.directions.log2_cos_h()
+        half_angle = -self.full.directions.plane("log2_cos_h")
         self.search_rows = thinned(half_angle, SEARCH_ROWS)
         self.scan_rows = self.search_rows[thinned(half_angle[self.search_rows], SCAN_ROWS)]
         same = len(self.search_rows) == m.n_directions
@@ -85,15 +88,17 @@ class Dataset:
         self.scan = observe(self.scan_rows, "identity", start)
         self.used = self.full.used
         self._started = True
-        self._scans: Scans | None = None
         self._logarithmic: Observations | None = None
 
-    @property
+    @cached_property
     def scans(self) -> Scans:
-        """Scan lines of the measurement, found once."""
-        if self._scans is None:
-            self._scans = find_scans(self.measurement)
-        return self._scans
+        """Scan lines of the measurement."""
+        return find_scans(self.measurement)
+
+    @cached_property
+    def regions(self) -> NDArray[np.intp]:
+        """Region of angles of each row, for the question where a model fails."""
+        return regions(self.measurement, self.full.directions)
 
     @property
     def logarithmic(self) -> Observations:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import Decade
+from lobefit.kernels.geometry import Directions
 
-__all__ = ["decades", "log10_rms", "rmse", "worst_regions"]
+__all__ = ["BySize", "by_size", "regions", "rmse", "worst_regions"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -17,8 +20,6 @@ Mask = NDArray[np.bool_]
 NEAR_MIRROR = 5.0
 NEAR_RETRO = 5.0
 KINDS = ("forward", "backward", "sideways", "at the mirror direction", "at retro-reflection")
-# Rows at a time, so that a million of them need little memory.
-CHUNK = 131_072
 
 
 def rmse(measured: Array, fitted: Array, used: Mask) -> float:
@@ -29,54 +30,84 @@ def rmse(measured: Array, fitted: Array, used: Mask) -> float:
     return float(np.sqrt(squares / used.sum()))
 
 
-def log10_rms(measured: Array, fitted: Array, used: Mask) -> tuple[float | None, int, int]:
-    """Give the rms of log10(fitted/measured), how many values it has, how many it lacks."""
-    positive = used & (measured > 0.0) & (fitted > 0.0)
-    count = int(positive.sum())
-    if not count:
-        return None, 0, int(used.sum())
-    ratio = fitted[positive]
-    ratio /= measured[positive]
-    np.log10(ratio, out=ratio)
-    return float(np.sqrt(np.mean(ratio**2))), count, int(used.sum()) - count
+@dataclass(frozen=True, slots=True)
+class BySize:
+    """Residuals of positive values against positive fitted ones.
+
+    Attributes
+    ----------
+    log10_rms : float or None
+        Root mean square of log10(fitted/measured); None without such values.
+    count, excluded : int
+        Values in it, and values where one of the two is not positive.
+    decades : tuple of Decade
+        Relative residuals, measured minus fitted, by decade of the measured value.
+    """
+
+    log10_rms: float | None
+    count: int
+    excluded: int
+    decades: tuple[Decade, ...]
 
 
-def decades(measured: Array, fitted: Array, used: Mask) -> tuple[Decade, ...]:
-    """Summarise relative residuals, measured minus fitted, by decade of the measured value."""
+def by_size(measured: Array, fitted: Array, used: Mask) -> BySize:
+    """Summarise residuals on the scale of the logarithm.
+
+    Parameters
+    ----------
+    measured, fitted : ndarray, shape (C, N)
+        1/sr.
+    used : ndarray of bool, shape (C, N)
+    """
     lowest, bins = -40, 80
     count, mean, square = np.zeros(bins), np.zeros(bins), np.zeros(bins)
+    squares = 0.0
     for y, f, u in zip(measured, fitted, used, strict=True):  # by channel, to save memory
         positive = u & (y > 0.0) & (f > 0.0)
         y, f = y[positive], f[positive]
+        ratio = np.log10(f / y)
+        squares += float(ratio @ ratio)
         decade = np.floor(np.log10(y)).astype(np.intp) - lowest
         decade = np.clip(decade, 0, bins - 1)
         # Relative to the larger of the two: bounded, and the same for small residuals.
         relative = (y - f) / np.maximum(y, f)
         count += np.bincount(decade, minlength=bins)
         mean += np.bincount(decade, relative, minlength=bins)
-        square += np.bincount(decade, relative**2, minlength=bins)
-    return tuple(
-        Decade(
-            low=10.0 ** (lowest + k),
-            high=10.0 ** (lowest + k + 1),
-            count=int(count[k]),
-            mean_relative=float(mean[k] / count[k]),
-            rms_relative=float(np.sqrt(square[k] / count[k])),
-        )
-        for k in np.flatnonzero(count)
+        square += np.bincount(decade, relative * relative, minlength=bins)
+    total = int(count.sum())
+    return BySize(
+        log10_rms=float(np.sqrt(squares / total)) if total else None,
+        count=total,
+        excluded=int(used.sum()) - total,
+        decades=tuple(
+            Decade(
+                low=10.0 ** (lowest + k),
+                high=10.0 ** (lowest + k + 1),
+                count=int(count[k]),
+                mean_relative=float(mean[k] / count[k]),
+                rms_relative=float(np.sqrt(square[k] / count[k])),
+            )
+            for k in np.flatnonzero(count)
+        ),
     )
 
 
 def worst_regions(
-    measurement: Measurement, fitted: Array, z: Array, used: Mask, most: int = 3
+    region: NDArray[np.intp],
+    measured: Array,
+    fitted: Array,
+    z: Array,
+    used: Mask,
+    most: int = 3,
 ) -> tuple[str, ...]:
     """Name the angles where the model fails most, in words.
 
     Parameters
     ----------
-    measurement : Measurement
-    fitted : ndarray, shape (C, N)
-        Model values, 1/sr.
+    region : ndarray, shape (N,)
+        From `regions`.
+    measured, fitted : ndarray, shape (C, N)
+        1/sr.
     z : ndarray, shape (C, N)
         Standardised residuals.
     used : ndarray of bool, shape (C, N)
@@ -88,18 +119,14 @@ def worst_regions(
     tuple of str
         Regions by their share of the misfit, largest first.
     """
-    regions = 6 * 6 * 5
-    share, mean, counted = np.zeros(regions), np.zeros(regions), np.zeros(regions)
-    for start in range(0, measurement.n_directions, CHUNK):
-        rows = slice(start, start + CHUNK)
-        region = _region(measurement, rows)
-        z2 = np.where(used[:, rows], np.nan_to_num(z[:, rows]) ** 2, 0.0)
-        share += np.bincount(region, z2.sum(axis=0), minlength=regions)
-        y, f = measurement.values[:, rows], fitted[:, rows]
+    share, mean, counted = (np.zeros(6 * 6 * 5) for _ in range(3))
+    for y, f, z_c, u in zip(measured, fitted, z, used, strict=True):  # to save memory
+        size = len(share)
+        share += np.bincount(region, np.where(u, z_c * z_c, 0.0), minlength=size)
         larger = np.fmax(np.abs(y), np.abs(f))
-        signed = np.where(used[:, rows], (f - y) / np.where(larger > 0.0, larger, 1.0), 0.0)
-        mean += np.bincount(region, signed.sum(axis=0), minlength=regions)
-        counted += np.bincount(region, used[:, rows].sum(axis=0), minlength=regions)
+        signed = np.where(u, (f - y) / np.where(larger > 0.0, larger, 1.0), 0.0)
+        mean += np.bincount(region, signed, minlength=size)
+        counted += np.bincount(region, u, minlength=size)
     mean /= np.maximum(counted, 1.0)
     total = share.sum()
     texts = []
@@ -115,19 +142,27 @@ def worst_regions(
     return tuple(texts)
 
 
-def _region(m: Measurement, rows: slice) -> NDArray[np.intp]:
-    """Give the number of each row's region: incidence and observation in steps of 15 degrees, and where to."""
-    theta_i, theta_o = m.theta_i[rows], m.theta_o[rows]
-    delta = np.cos(m.phi_o[rows] - m.phi_i[rows])
-    cos_o, cos_i = np.cos(theta_o), np.cos(theta_i)
-    sines = np.sin(theta_i) * np.sin(theta_o)
-    cos_io = cos_i * cos_o + sines * delta
-    cos_r = cos_i * cos_o - sines * delta
-    near = cos_r > np.cos(np.radians(2.0 * NEAR_MIRROR))
-    retro = cos_io > np.cos(np.radians(NEAR_RETRO))
-    side = np.where(delta < -0.7, 0, np.where(delta > 0.7, 1, 2))
-    kind = np.where(near, 3, np.where(retro, 4, side))
-    bin_i = np.minimum((theta_i * (12.0 / np.pi)).astype(np.intp), 5)
-    bin_o = np.minimum((theta_o * (12.0 / np.pi)).astype(np.intp), 5)
-    region: NDArray[np.intp] = (bin_i * 6 + bin_o) * 5 + kind
-    return region
+def regions(measurement: Measurement, directions: Directions) -> NDArray[np.intp]:
+    """Give the region of each row: incidence and observation by 15 degrees, and where to.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    directions : Directions
+        Its directions on the device, whose numbers are read back.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+    """
+    read = directions.plane
+    across = read("i_x") * read("o_x") + read("i_y") * read("o_y")
+    size = np.sin(measurement.theta_i) * np.sin(measurement.theta_o)
+    kind = np.where(across < -0.7 * size, 0, np.where(across > 0.7 * size, 1, 2))
+    retro = 2.0 * (1.0 - read("one_minus_cos_d")) ** 2 - 1.0
+    kind[retro > np.cos(np.radians(NEAR_RETRO))] = 4
+    kind[read("log2_cos_r") > np.log2(np.cos(np.radians(2.0 * NEAR_MIRROR)))] = 3
+    bin_i = np.minimum((measurement.theta_i * (12.0 / np.pi)).astype(np.intp), 5)
+    bin_o = np.minimum((measurement.theta_o * (12.0 / np.pi)).astype(np.intp), 5)
+    numbers: NDArray[np.intp] = (bin_i * 6 + bin_o) * 5 + kind
+    return numbers

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import METRICS, Dataset
-from lobefit.fitting.diagnostics import decades, log10_rms, rmse, worst_regions
+from lobefit.fitting.diagnostics import by_size, rmse, worst_regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
@@ -75,7 +75,7 @@ def _judge(dataset: Dataset, point: PointFit) -> _Judged:
 
 def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics:
     m, point = dataset.measurement, judged.fit
-    rms, count, excluded = log10_rms(m.values, point.values, dataset.used)
+    sizes = by_size(m.values, point.values, dataset.used)
     reduced = float(np.nansum(judged.z**2)) / point.dof
     spread = 1.0 + 5.0 * np.sqrt(2.0 / point.dof)
     reason = ""
@@ -95,16 +95,16 @@ def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics
             f"{samples} values count as {samples / judged.correlation:.0f}"
         )
     return Diagnostics(
-        log10_rms=rms,
-        log10_count=count,
-        log10_excluded=excluded,
-        decades=decades(m.values, point.values, dataset.used),
+        log10_rms=sizes.log10_rms,
+        log10_count=sizes.count,
+        log10_excluded=sizes.excluded,
+        decades=sizes.decades,
         reduced_chi_square=reduced,
         effective_samples=samples / judged.correlation,
         samples=samples,
         misfit_limited=bool(reason),
         misfit_reason=reason,
-        worst=worst_regions(m, point.values, judged.z, dataset.used),
+        worst=worst_regions(dataset.regions, m.values, point.values, judged.z, dataset.used),
     )
 
 

@@ -193,7 +193,9 @@ class FitResult:
     estimates : tuple of ParameterEstimate
         The same with uncertainty, one row per number.
     covariance : ndarray, shape (F, F)
-        Of the free estimates, in the order of `estimates`.
+        Of the estimates that are not held, in the order of `estimates`, as if every
+        bound could be crossed; `standard_error` of an estimate beside one that lies on
+        its bound is that with the bound kept, and can be smaller.
     rmse : float
         Root mean square of the residuals in 1/sr, over all channels.
     bic : float or None
@@ -239,10 +241,6 @@ class FitResult:
 
     def __str__(self) -> str:
         """Parameters with their standard errors, as a metrologist writes them."""
-        lines = [f"{self.candidate}: rmse {self.rmse:.3g} 1/sr, {self.n_parameters} parameters"]
-        for e in self.estimates:
-            error = "" if e.standard_error is None else f" ± {e.standard_error:.2g}"
-            channel = f"[{e.channel}]" if e.channel else ""
-            status = "" if e.status == "free" else f"  ({e.status})"
-            lines.append(f"  {e.name + channel:<16} {e.value:.6g}{error} {e.unit}{status}")
-        return "\n".join(lines)
+        from lobefit.fitting.tables import parameters
+
+        return parameters(self)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lobefit.fitting.result import FitResult
+from lobefit.fitting.selection import BIC_MARGIN
 
 __all__ = ["verdict"]
 
@@ -44,10 +45,10 @@ def verdict(results: Sequence[FitResult], described: bool) -> str:
             if lead < 0.0:
                 text.append(
                     f"{rival.candidate} fits no better than its {rival.n_parameters} parameters "
-                    f"against {best.n_parameters} allow (BIC {-lead:.1f} lower, margin 6)."
+                    f"against {best.n_parameters} allow (BIC {-lead:.3g} lower, margin {BIC_MARGIN:g})."
                 )
             else:
-                text.append(f"The next best, {rival.candidate}, has a BIC {lead:.1f} higher.")
+                text.append(f"The next best, {rival.candidate}, has a BIC {lead:.4g} higher.")
     if d.misfit_limited:
         text.append(
             f"The fit is misfit-limited: {d.misfit_reason}; its errors are first order only."

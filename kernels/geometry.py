@@ -22,15 +22,27 @@ Precision = Literal["single", "double"]
 # At and below the horizon every BRDF is 0. Cosines under this are taken as the
 # horizon: they are rounding of 90 degrees, and 1/(n.i n.o) would overflow.
 MIN_COSINE = 1e-7
-N_PLANES = 11
-LOG2_COS_H = 9
+# The fields of `geometry` in cl/geometry.h, in their order.
+PLANES = (
+    "cos_theta_i",
+    "cos_theta_o",
+    "i_x",
+    "i_y",
+    "o_x",
+    "o_y",
+    "slope_x",
+    "slope_y",
+    "one_minus_cos_d",
+    "log2_cos_h",
+    "log2_cos_r",
+)
 # Directions per work-item on a CPU: enough to hide a launch, few enough to share out.
 BLOCKS_PER_CHUNK = 8
 
 
 def above_horizon(theta_i: NDArray[np.float64], theta_o: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which pairs of zenith angles (radians) lie above the horizon."""
-    above: NDArray[np.bool_] = np.minimum(np.cos(theta_i), np.cos(theta_o)) > MIN_COSINE
+    above: NDArray[np.bool_] = np.maximum(theta_i, theta_o) < np.arccos(MIN_COSINE)
     return above
 
 
@@ -103,7 +115,7 @@ class Directions:
             self.planes = cl.Buffer(
                 device.context,
                 cl.mem_flags.READ_WRITE,
-                N_PLANES * self.padded * self.dtype.itemsize,
+                len(PLANES) * self.padded * self.dtype.itemsize,
             )
             angles_buffer = cl.Buffer(
                 device.context, cl.mem_flags.READ_ONLY, 4 * self.padded * flat[0].itemsize
@@ -146,13 +158,23 @@ class Directions:
         self.n_vectors = self.n_chunks * self.blocks_per_chunk * BLOCK
         self.padded = self.n_vectors * self.width
 
-    def log2_cos_h(self) -> NDArray[np.float64]:
-        """Read log2(n.h) back, shape (N,)."""
+    def plane(self, name: str) -> NDArray[np.float64]:
+        """Read one of the stored numbers back.
+
+        Parameters
+        ----------
+        name : str
+            A field of ``geometry`` in ``cl/geometry.h``.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+        """
         import pyopencl as cl
 
         row = np.empty(self.padded, dtype=self.dtype)
         with opencl_errors("reading directions"):
-            offset = LOG2_COS_H * self.padded * self.dtype.itemsize
+            offset = PLANES.index(name) * row.nbytes
             cl.enqueue_copy(self.device.queue, row, self.planes, src_offset=offset)
         return row[: self.count].astype(np.float64)
 

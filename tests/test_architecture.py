@@ -196,6 +196,8 @@ def test_the_version_is_the_newest_in_the_changelog() -> None:
     changelog = CHECKOUT / "CHANGELOG.md"
     if not changelog.exists():
         pytest.skip("there is no CHANGELOG.md")
-    top = re.search(r"^## +\[?v?(\d+\.\d+\.\d+\w*)", changelog.read_text(encoding="utf-8"), re.M)
+    top = re.search(
+        r"^## +\[?v?(\d+\.\d+\.\d+\w*)", changelog.read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert top is not None, "no entry such as `## 0.1.0`"
     assert top[1] == lobefit.__version__

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -226,13 +227,13 @@ def test_every_opencl_error_is_mapped() -> None:
     kinds = list(opencl_error_classes(cl.Error))
     assert {cl.Error, cl.LogicError, cl.MemoryError, cl.RuntimeError} <= set(kinds)
     for kind in kinds:
-        with pytest.raises(DeviceError, match="while testing") as caught:
-            with opencl_errors("testing"):
-                raise kind("what went wrong")
+        expected = pytest.raises(DeviceError, match="while testing")
+        with expected as caught, opencl_errors("testing"):
+            raise kind("what went wrong")
         assert "what went wrong" in str(caught.value)
         assert isinstance(caught.value.__cause__, kind)
         assert isinstance(caught.value, LobefitError)
-    with pytest.raises(DeviceError, match="out of memory.*fewer rows"), opencl_errors("testing"):
+    with pytest.raises(DeviceError, match=r"out of memory.*fewer rows"), opencl_errors("testing"):
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
     with pytest.raises(ZeroDivisionError), opencl_errors("testing"):  # anything else passes
         raise ZeroDivisionError
@@ -243,9 +244,8 @@ def test_an_error_of_the_runtime_is_mapped(monkeypatch: pytest.MonkeyPatch) -> N
         raise cl.MemoryError("clCreateBuffer failed: MEM_OBJECT_ALLOCATION_FAILURE")
 
     monkeypatch.setattr(cl, "Buffer", full)
-    surface = {"theta_i": [0.1], "phi_i": [0.0], "theta_o": [0.2], "phi_o": [0.0]}
     with pytest.raises(DeviceError, match="out of memory while uploading"):
-        evaluate("ggx", {}, **surface)
+        evaluate("ggx", {}, *SOME)
 
 
 # Processes and threads
@@ -344,7 +344,7 @@ def test_threads_with_different_models(fresh: None) -> None:
     def task(name: str) -> npt.NDArray[np.float64]:
         return np.stack([evaluate(name, {"k_s": k, "k_d": 0.0}, *SOME)[0] for k in scales])
 
-    found = in_threads([lambda name=name: task(name) for name in names])
+    found = in_threads([partial(task, name) for name in names])
     for name, values in zip(names, found, strict=True):
         one = evaluate(name, {"k_s": 1.0, "k_d": 0.0}, *SOME)[0]
         # The coefficient multiplies on the host: only its rounding differs, and below
@@ -359,7 +359,7 @@ def test_threads_with_one_model_and_different_parameters(fresh: None) -> None:
     def task(alpha: float) -> list[bytes]:
         return [evaluate("ggx", {"alpha": alpha}, *SOME).tobytes() for _ in range(repeats)]
 
-    found = in_threads([lambda alpha=alpha: task(alpha) for alpha in widths])
+    found = in_threads([partial(task, alpha) for alpha in widths])
     for alpha, values in zip(widths, found, strict=True):
         assert values == task(alpha)
 
@@ -367,7 +367,7 @@ def test_threads_with_one_model_and_different_parameters(fresh: None) -> None:
 def test_fits_in_threads(fresh: None) -> None:
     scan = "in-plane incidences=20,60 step=10"
     surfaces = [simulate("ggx", {"alpha": alpha}, scan, seed=1) for alpha in (0.1, 0.2, 0.4)]
-    found = in_threads([lambda m=m: fit(m, ["ggx", "lambert"]) for m in surfaces])
+    found = in_threads([partial(fit, m, ["ggx", "lambert"]) for m in surfaces])
     for m, report in zip(surfaces, found, strict=True):
         assert report.best.params == fit(m, ["ggx", "lambert"]).best.params
 
