@@ -15,7 +15,7 @@ Index = NDArray[np.intp]
 # Angles closer than this (rad) belong to one scan line: 0.05 degrees.
 SAME = 9e-4
 # Rows that determine the correlation well enough; of more, whole lines are chosen.
-ENOUGH = 32_768
+ENOUGH = 16_384
 
 
 class Scans:

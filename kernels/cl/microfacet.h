@@ -7,9 +7,10 @@ static inline real beckmann_D(const real t2, const scalar alpha) {
   return INV_PI * inv_alpha2 * square(1.0 + t2) * exp(-t2 * inv_alpha2);
 }
 
-// Trowbridge & Reitz 1975; Walter et al. 2007, eq. 33, over alpha^2 + tan^2(theta_h).
-static inline real ggx_D(const real t2, const scalar alpha) {
-  return INV_PI * square(alpha * (1.0 + t2) / (alpha * alpha + t2));
+// Trowbridge & Reitz 1975; Walter et al. 2007, eq. 33, over alpha^2 + tan^2(theta_h):
+// D / divisor, in one division for two.
+static inline real ggx_D_over(const real t2, const scalar alpha, const real divisor) {
+  return INV_PI * square(alpha * (1.0 + t2)) / (square(alpha * alpha + t2) * divisor);
 }
 
 // V-cavities, Torrance & Sparrow 1967; Cook & Torrance 1982.
@@ -25,16 +26,16 @@ static inline real ggx_smith_root(const real cos_theta, const scalar alpha) {
   return sqrt(alpha2 + (1.0 - alpha2) * square(cos_theta));
 }
 
-// Height-correlated Smith G over 4 cos_theta_i cos_theta_o; Heitz 2014, eq. 99.
-static inline real ggx_visibility_smith_correlated(const geometry g, const scalar alpha) {
-  return 0.5 / (g.cos_theta_o * ggx_smith_root(g.cos_theta_i, alpha) +
+// 4 cos_theta_i cos_theta_o over height-correlated Smith G; Heitz 2014, eq. 99.
+static inline real ggx_divisor_smith_correlated(const geometry g, const scalar alpha) {
+  return 2.0 * (g.cos_theta_o * ggx_smith_root(g.cos_theta_i, alpha) +
                 g.cos_theta_i * ggx_smith_root(g.cos_theta_o, alpha));
 }
 
-// Separable Smith G over 4 cos_theta_i cos_theta_o; Walter et al. 2007, eq. 23 and 34.
-static inline real ggx_visibility_smith_separable(const geometry g, const scalar alpha) {
-  return 1.0 / ((g.cos_theta_i + ggx_smith_root(g.cos_theta_i, alpha)) *
-                (g.cos_theta_o + ggx_smith_root(g.cos_theta_o, alpha)));
+// 4 cos_theta_i cos_theta_o over separable Smith G; Walter et al. 2007, eq. 23 and 34.
+static inline real ggx_divisor_smith_separable(const geometry g, const scalar alpha) {
+  return (g.cos_theta_i + ggx_smith_root(g.cos_theta_i, alpha)) *
+         (g.cos_theta_o + ggx_smith_root(g.cos_theta_o, alpha));
 }
 
 // Weight of white in Schlick's Fresnel term: F = F0 (1 - s) + s. Schlick 1994, eq. 15.

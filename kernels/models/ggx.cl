@@ -8,8 +8,8 @@ static inline ggx_constants ggx_prepare(const ggx_parameters p) {
 }
 
 static inline void ggx_basis(const geometry g, const ggx_constants c, real *basis) {
-  const real lobe = ggx_D(tan2_theta_h(g), c.alpha) *
-                    PASTE(ggx_visibility_, OPTION_masking)(g, c.alpha);
+  const real divisor = PASTE(ggx_divisor_, OPTION_masking)(g, c.alpha);
+  const real lobe = ggx_D_over(tan2_theta_h(g), c.alpha, divisor);
   const real s = schlick_weight(g);
   basis[0] = (1.0 - s) * lobe;
   basis[1] = s * lobe;
