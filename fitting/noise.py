@@ -89,7 +89,7 @@ def estimate_noise(
     # Exact data have no noise; a scale far below any datum keeps the weights finite.
     largest = np.where(used, np.abs(h), 0.0).max(axis=1)
     negligible = (additive == 0.0) | ~np.isfinite(additive)
-    additive = np.where(negligible, 1e-12 * largest + 1e-300, additive)
+    additive = np.where(negligible, 1e-12 * largest + 1e-150, additive)
     return additive, proportional
 
 

@@ -119,7 +119,7 @@ def minimise(
     except nlopt.RoundoffLimited:
         reason = "limited by rounding"
     except Exception as error:  # noqa: BLE001 - NLopt transforms what the objective raises
-        reason = f"NLopt: {error or type(error).__name__}"
+        reason = f"NLopt: {str(error) or type(error).__name__}"
     if raised is not None:
         raise raised
     if not np.isfinite(best_value):

@@ -97,8 +97,22 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     d = problem.coordinates.coordinates(point.c)
     size = d.shape[1]
     inside = (d > problem.coordinates.low) & (d < problem.coordinates.high)
-    held = _joint_covariance(point.curvature, n, inside)
     crossing = _joint_covariance(point.curvature, n, np.ones_like(inside))
+    # A ratio (F0) on its bound that the data do not determine must not lend its bound's
+    # firmness to its scale (k_s): there the bound is crossed for both.
+    ratios = [names for names in model.coefficients if len(names) == 2]
+    for scale_name, name in ratios:
+        per_d = _linear_jacobian(problem, point.c, name)
+        span = next(p.bounds[1] - p.bounds[0] for p in model.linear if p.name == name)
+        for channel in range(count):
+            part = slice(n + channel * size, n + (channel + 1) * size)
+            J = per_d[channel]
+            variance = variance_scale * float(J @ crossing[part, part] @ J)
+            if not variance < (KNOWS_NOTHING * span) ** 2:
+                alone = _linear_jacobian(problem, point.c, scale_name)[channel]
+                inside[channel] |= (J != 0.0) | (alone != 0.0)
+    held = _joint_covariance(point.curvature, n, inside)
+    vague = _vague_scales(problem, point.c, held, n, variance_scale)
 
     x = problem.scale.to_parameters(point.t)
     slope = problem.scale.slope(x)
@@ -121,6 +135,8 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
                 J = np.zeros(n + count * size)
                 J[n + channel * size : n + (channel + 1) * size] = per_d[channel]
                 label = None if one else channels[channel]
+                if any(name == p.name and vague[s][channel] for s, name in ratios):
+                    J *= np.nan
                 rows.append(
                     _row(p, label, float(values[channel]), J, held, crossing, fixed, variance_scale)
                 )
@@ -138,6 +154,28 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     free = [k for k, row in enumerate(rows) if row.status != "fixed"]
     J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
     return Estimates(params, tuple(rows), variance_scale * (J @ crossing @ J.T))
+
+
+def _vague_scales(
+    problem: Problem, c: Array, held: Array, n: int, variance_scale: float
+) -> dict[str, Mask]:
+    """Tell, per channel, which scales of ratios are not distinct from 0.
+
+    What is divided by such a scale has no first-order error that means anything.
+    """
+    products = problem.candidate.model.coefficients
+    size = problem.coordinates.T.shape[1]
+    found = {}
+    for scale_name in {names[0] for names in products if len(names) == 2}:
+        k = products.index((scale_name,))
+        per_d = _linear_jacobian(problem, c, scale_name)
+        variances = []
+        for channel in range(len(c)):
+            part = slice(n + channel * size, n + (channel + 1) * size)
+            variances.append(float(per_d[channel] @ held[part, part] @ per_d[channel]))
+        error = np.sqrt(variance_scale * np.maximum(variances, 0.0))
+        found[scale_name] = ~(3.0 * error < c[:, k])
+    return found
 
 
 def _axes_swapped(problem: Problem, x: Array, labelled: Array) -> dict[str, str]:
@@ -176,7 +214,7 @@ def _row(
         variance = variance_scale * float(jacobian @ covariance @ jacobian)
         error = float(np.sqrt(variance)) if np.isfinite(variance) and variance > 0.0 else None
         span = np.log(high / low) * value if p.scale == "log" else (p.period or high - low)
-        if error is None or (not p.linear and error > KNOWS_NOTHING * span):
+        if error is None or error > KNOWS_NOTHING * span:
             status, error = ("undetermined" if status == "free" else status), None
     return ParameterEstimate(
         name=p.name,

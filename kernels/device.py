@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["Device", "DeviceInfo", "devices", "get_device", "opencl_errors"]
 
 ENVIRONMENT_VARIABLE = "LOBEFIT_DEVICE"
+# The process that started OpenCL, or none so far.
+_started_in: int | None = None
 INSTALL_HINT = "install PoCL with `pip install pocl-binary-distribution`, or your vendor's runtime"
 
 
@@ -100,8 +102,20 @@ def _describe(platform_index: int, device_index: int, device: cl.Device) -> Devi
     )
 
 
+def _check_fork() -> None:
+    """Raise a `DeviceError` in a child forked after OpenCL started: it would hang for ever."""
+    global _started_in
+    _started_in = _started_in or os.getpid()
+    if _started_in != os.getpid():
+        raise DeviceError(
+            "this process was forked after OpenCL had started, and would hang; "
+            'start workers with multiprocessing.get_context("spawn")'
+        )
+
+
 def _all_devices() -> list[tuple[DeviceInfo, cl.Device]]:
     cl = _opencl()
+    _check_fork()
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
@@ -179,7 +193,6 @@ class Device:
     def __init__(self, info: DeviceInfo, device: cl.Device) -> None:
         cl = _opencl()
         self.info = info
-        self._process = os.getpid()
         with opencl_errors(f"opening {info}"):
             self.context = cl.Context([device])
             self.queue = cl.CommandQueue(self.context)
@@ -203,14 +216,6 @@ class Device:
             return 1
         return 4 if precision == "double" else 8
 
-    def check_process(self) -> None:
-        """Raise a `DeviceError` in a forked child, where PoCL would hang for ever."""
-        if os.getpid() != self._process:
-            raise DeviceError(
-                "this process was forked after OpenCL had started, and would hang; "
-                'start workers with multiprocessing.get_context("spawn")'
-            )
-
     def kernel(self, source: str, name: str, options: tuple[str, ...] = ()) -> cl.Kernel:
         """Give this thread's kernel of that name, compiling the program at first use.
 
@@ -228,7 +233,7 @@ class Device:
         DeviceError
             The program does not build; the message carries the compiler's log.
         """
-        self.check_process()
+        _check_fork()
         kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel]
         kernels = self._local.__dict__.setdefault("kernels", {})
         key = (source, name, options)
@@ -270,6 +275,7 @@ def get_device(spec: str | Device | None = None) -> Device:
     DeviceError
         Nothing matches, no double precision, no linker; with what to do.
     """
+    _check_fork()
     if isinstance(spec, Device):
         return spec
     wanted = spec or os.environ.get(ENVIRONMENT_VARIABLE) or ""
@@ -279,5 +285,4 @@ def get_device(spec: str | Device | None = None) -> Device:
             same = next((d for d in _open.values() if d.info == info), None)
             _open[wanted] = same or Device(info, device)
         opened = _open[wanted]
-    opened.check_process()
     return opened

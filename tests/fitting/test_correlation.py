@@ -14,8 +14,9 @@ Array = npt.NDArray[np.float64]
 
 
 def directions(theta_i: Array, phi_i: Array, theta_o: Array, phi_o: Array) -> Measurement:
-    angles = [np.radians(a) for a in np.broadcast_arrays(theta_i, phi_i, theta_o, phi_o)]
-    return Measurement(*angles, values=np.ones((1, angles[0].size)), channels=("brdf",))
+    angles = np.radians(np.broadcast_arrays(theta_i, phi_i, theta_o, phi_o))
+    i, o = (angles[0], angles[1]), (angles[2], angles[3])
+    return Measurement(*i, *o, values=np.ones((1, angles.shape[1])), channels=("brdf",))
 
 
 def grid(*axes: npt.ArrayLike) -> list[Array]:

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lobefit.fitting import search
 from lobefit.fitting.search import REASONS, Found, minimise
 
 Array = npt.NDArray[np.float64]
@@ -231,7 +230,7 @@ def test_the_best_point_survives_what_nlopt_raises(
 ) -> None:
     """F31: the exception loses the point (stevengj/nlopt#513); the objective has kept it."""
     monkeypatch.setattr(Failing, "error", error)
-    monkeypatch.setattr(search.nlopt, "opt", Failing)
+    monkeypatch.setattr(nlopt, "opt", Failing)
     found = run(bowl)
     np.testing.assert_allclose(found.point, GOAL, rtol=1e-15)
     assert found.value == pytest.approx(1.0)
