@@ -117,11 +117,13 @@ class Dataset:
             return known
         size = np.abs(m.values)
         level = np.nanmedian(size, axis=1, keepdims=True)
+        floor = np.maximum(0.05 * level, 1e-6 * np.nanmax(size, axis=1, keepdims=True))
+        floor = np.where(floor > 0.0, floor, 1.0)  # a black channel
         if self.metric == "chi2":
-            constant: Array = np.ones_like(size) / np.maximum(level, 1e-300) ** 2
+            constant: Array = np.ones_like(size) / floor**2
             return constant
         # For the start only: relative weights of the measured value with a floor.
-        weights: Array = np.nan_to_num(1.0 / (size**2 + (0.05 * level) ** 2 + 1e-300))
+        weights: Array = np.nan_to_num(1.0 / (size**2 + floor**2))
         return weights
 
     def set_weights(self, weights: Array) -> None:

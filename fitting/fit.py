@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from lobefit.fitting.dataset import METRICS, Dataset
 from lobefit.fitting.diagnostics import by_size, rmse, worst_regions
 from lobefit.fitting.measurement import Measurement
-from lobefit.fitting.noise import gaussian_deviance
+from lobefit.fitting.noise import GROSS, gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
-from lobefit.fitting.point import GROSS, PointFit, fit_point
+from lobefit.fitting.point import PointFit, fit_point
 from lobefit.fitting.report import FailedFit, FitReport
 from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopReport
 from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic, rank
@@ -25,6 +25,7 @@ from lobefit.kernels import (
     Device,
     FitError,
     MeasurementError,
+    ModelError,
     candidates,
     get_device,
 )
@@ -199,7 +200,7 @@ def fit(
     FitError
         No candidate could be fitted, or an unknown metric.
     ModelError
-        An unknown model or set.
+        An unknown model, set or option.
     DeviceError
         No usable device.
 
@@ -219,6 +220,7 @@ def fit(
     is_set = isinstance(models, str) and models in ("quick", "standard", "all")
     if is_set and not measurement.has_azimuthal_evidence:
         wanted = [c for c in wanted if c.isotropic]
+    _check_options(wanted, options)
     dataset = Dataset(measurement, metric, get_device(device))
     judged: list[_Judged] = []
     failed: list[FailedFit] = []
@@ -256,6 +258,16 @@ def fit(
             "device": dataset.device.info.id,
         },
     )
+
+
+def _check_options(wanted: list[Candidate], options: Mapping[str, str] | None) -> None:
+    """Raise a `ModelError` for an option that no candidate has."""
+    known = {key for c in wanted for term in c.model.terms for key in term.options}
+    for key in options or {}:
+        if key not in known:
+            raise ModelError(
+                f"no candidate has the option {key!r}; there are: {', '.join(sorted(known)) or 'none'}"
+            )
 
 
 def _options_of(candidate: Candidate, options: Mapping[str, str] | None) -> dict[str, str]:

@@ -1,10 +1,10 @@
 """The noise of a measurement, estimated from the residuals where no sigma is given.
 
 ``sigma^2 = additive^2 + (relative h)^2`` with h the *model's* value f: weights from
-the measured value would favour low readings and bias the scale. Only where the
-measured value is more than twice the model's, which is misfit and not noise, h is
-half the measured value; otherwise a model that misses a peak by decades would be
-pulled up until everything else is wrong.
+the measured value would favour low readings and bias the scale. Only for gross
+misfits, beyond what noise can be, h is at least half the measured value: otherwise
+a model that misses a peak by decades would be pulled up until everything else is
+wrong.
 """
 
 from __future__ import annotations
@@ -12,19 +12,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["estimate_noise", "gaussian_deviance", "level", "variance"]
+__all__ = ["GROSS", "estimate_noise", "gaussian_deviance", "level", "variance"]
 
 Array = NDArray[np.float64]
 
 # Ratios additive^2 / relative^2 that are tried, in units of the largest f^2:
 # from "all relative" to "all additive".
+# A relative scale above this is no instrument's noise but a model that does not fit.
+GROSS = 0.25
+# Differences of -2 ln L below this decide nothing.
+EQUAL = 4.0
 RATIOS = np.geomspace(1e-14, 1e2, 49)
 # Enough values for two scales; more would only cost time.
 ENOUGH = 4096
 
 
-def level(f: Array, measured: Array) -> Array:
+def level(f: Array, measured: Array, *, gross: bool) -> Array:
     """Give h, shape (C, N), of model values and measured values (C, N) in 1/sr."""
+    if not gross:
+        return f
     h: Array = np.abs(measured)
     h *= 0.5
     return np.fmax(f, h, out=h)
@@ -98,8 +104,14 @@ def _best_ratio(r2: Array, h2: Array) -> float:
     grid = np.log(RATIOS * h2.max())
     for _ in range(2):
         shape = np.exp(grid)[:, None] + h2
-        cost = r2.size * np.log(np.mean(r2 / shape, axis=1) + 1e-300) + np.log(shape).sum(axis=1)
+        relative2 = np.mean(r2 / shape, axis=1)
+        cost = r2.size * np.log(relative2 + 1e-300) + np.log(shape).sum(axis=1)
         k = int(np.argmin(cost))
+        # A nearly constant model cannot tell the two scales apart; then additive noise is
+        # the explanation that needs no gross relative one.
+        modest = np.flatnonzero((relative2 <= GROSS**2) & (cost <= cost[k] + EQUAL))
+        if relative2[k] > GROSS**2 and modest.size:
+            return float(np.exp(grid[modest[-1]]))
         low, high = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
         best = float(grid[k])
         grid = np.linspace(low, high, 15)

@@ -121,10 +121,10 @@ def test_a_scan_over_azimuths() -> None:
 
 def test_a_scan_of_the_light() -> None:
     """Where the light runs and the detector stands still, lines run along theta_i."""
-    theta_o, signed = grid([0, 15, 30, 45, 60, 75], np.arange(-80, 80.1, 0.5))
+    theta_o, signed = grid([0, 15, 30, 45, 60, 75], np.arange(-80, 80.1, 0.05))
     m = directions(np.abs(signed), np.where(signed < 0, 180.0, 0.0), theta_o, np.zeros(1))
     z = ar1(m.n_directions // 6, 0.8, seed=1, lines=6).ravel()
-    assert time_of(m, z) == pytest.approx(9.0, rel=0.3)  # as for the detector's scan
+    assert time_of(m, z) == pytest.approx(9.0, rel=0.3)  # one draw, of a mean good to 15 %
     white = np.random.default_rng(2).standard_normal(m.n_directions)
     assert time_of(m, white) == 1.0
 

@@ -169,9 +169,12 @@ def test_every_metric_finds_the_surface(metric: str, stated: bool) -> None:
     auto = "chi2" if stated else "relative"
     assert found.metric == (auto if metric == "auto" else metric)
     assert found.best.candidate == "ggx"
-    # 4 standard errors: 40 numbers in all, and constant weights where the noise is relative.
-    off = {k: z for k, z in deviations(found.best, GLOSSY).items() if not abs(z) < 4}
-    assert off == {}
+    if found.metric == "relative" or found.best.noise.given:
+        off = {k: z for k, z in deviations(found.best, GLOSSY).items() if not abs(z) < 3.5}
+        assert off == {}
+    for name, expected in GLOSSY.items():
+        # Constant weights look at the peak alone, where 2 % of it is 20 % of k_s and F0.
+        assert found.best.params[name] == pytest.approx(expected, rel=0.3)
     assert found.best.noise.given == (stated and found.metric == "chi2")
     for result in found.results:
         likely = found.metric in ("chi2", "relative")
@@ -213,6 +216,7 @@ def test_the_logarithm_over_eight_decades_as_scipy(name: str) -> None:
         params = {}
         for parameter, t in zip(free, x, strict=True):
             low, high = spans[parameter]
+            t = np.clip(t, -300.0, 300.0)  # far beyond the bounds
             inside = 1 / (1 + np.exp(-t)) if parameter == "F0" else np.exp(t)
             params[parameter] = float(np.clip(inside, low, high))
         held = chosen.fixed | {f: params[leader] for f, leader in chosen.tied.items()}
