@@ -243,6 +243,34 @@ class Measurement:
             rows_read=0,
         )
 
+    def within(self, theta_max: float) -> Measurement:
+        """Leave out grazing directions, where values are often extrapolated or noise.
+
+        Parameters
+        ----------
+        theta_max : float
+            Largest theta_i and theta_o that is kept, in radians.
+
+        Returns
+        -------
+        Measurement
+            What was left out is counted in `dropped`.
+
+        Raises
+        ------
+        MeasurementError
+            Nothing would be left.
+        """
+        keep = np.maximum(self.theta_i, self.theta_o) <= theta_max
+        rule = f"theta above {np.degrees(theta_max):g}° (asked for)"
+        if not keep.any():
+            raise self._error(f"no row is left: all have {rule.removesuffix(' (asked for)')}")
+        if keep.all():
+            return self
+        left_out = Dropped(rule, (), int(np.count_nonzero(~keep)))
+        kept = self.select(keep)
+        return replace(kept, dropped=(*self.dropped, left_out), rows_read=self.rows_read)
+
 
 def _frozen(values: ArrayLike) -> NDArray[np.float64]:
     """View as contiguous read-only float64 without touching the caller's array."""

@@ -7,6 +7,7 @@ Imports that take time are inside the commands, so that ``lobefit --help`` is qu
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -83,6 +84,10 @@ def fit(
     metric: Annotated[
         str, typer.Option(help="How to weigh residuals: auto, chi2, relative, log, cube_root.")
     ] = "auto",
+    max_theta: Annotated[
+        float | None,
+        typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for report.json, fit.png, lobes.exr and samples.csv."),
@@ -106,6 +111,8 @@ def fit(
     if out is not None and out.exists() and not out.is_dir():
         raise LobefitError(f"--out {out} is a file; name a folder")
     measurement = read_measurement(file)
+    if max_theta is not None:
+        measurement = measurement.within(math.radians(max_theta))
     digest = _sha256(file)
     with _progress() as progress:
         report = fit_models(

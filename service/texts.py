@@ -44,7 +44,8 @@ def measurement_lines(m: Measurement) -> Iterator[str]:
         yield f"  {m.rows_read} rows read, {m.n_dropped} dropped, {m.n_merged} merged into others"
     for entry in m.dropped:
         lines = ", ".join(map(str, entry.rows[:8])) + (", ..." if entry.count > 8 else "")
-        yield wrapped(f"  dropped {entry.count}: {entry.rule} (lines {lines})", "    ")
+        where = f" (lines {lines})" if lines and entry.rows else ""
+        yield wrapped(f"  dropped {entry.count}: {entry.rule}{where}", "    ")
     for note in m.notes:
         yield wrapped(f"  note: {note}", "    ")
 

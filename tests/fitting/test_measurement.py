@@ -242,3 +242,15 @@ def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
         "theta_i,phi_i,theta_o,phi_o,c0",
         "10,0,10,180,0.1",
     ]
+
+
+def test_within_leaves_out_grazing_directions_and_counts_them() -> None:
+    theta = np.radians([10.0, 50.0, 85.0, 20.0])
+    m = Measurement(theta, np.zeros(4), theta[::-1], np.zeros(4), np.ones((1, 4)), ("brdf",))
+    kept = m.within(np.radians(80.0))
+    assert kept.n_directions == 2
+    assert kept.rows_read == 4
+    assert [(d.rule, d.count) for d in kept.dropped] == [("theta above 80° (asked for)", 2)]
+    assert m.within(np.radians(86.0)) is m
+    with pytest.raises(MeasurementError, match="no row is left: all have theta above 5°"):
+        m.within(np.radians(5.0))

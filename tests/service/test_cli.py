@@ -151,6 +151,15 @@ def test_fit_tells_what_was_dropped(folder: Path, tmp_path: Path) -> None:
     assert "124 rows read, 1 dropped" in result.stdout
 
 
+def test_fit_leaves_out_grazing_angles_when_asked(folder: Path) -> None:
+    sample = str(folder / "sample.csv")
+    answer = call("fit", sample, "--models", "lambert", "--max-theta", "40")
+    assert answer.exit_code == 0
+    assert "theta above 40° (asked for)\n" in answer.stdout
+    refused = call("fit", sample, "--max-theta", "-1")
+    assert refused.exit_code == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
