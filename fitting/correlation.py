@@ -92,7 +92,8 @@ def find_scans(measurement: Measurement) -> Scans:
     m = measurement
     half = round(np.pi / SAME)
     theta_i, theta_o = _steps(m.theta_i), _steps(m.theta_o)
-    phi_i, phi_o = _steps(_wrapped(m.phi_i)), _steps(_wrapped(m.phi_o))
+    turned_o = _wrapped(m.phi_o)
+    phi_i, phi_o = _steps(_wrapped(m.phi_i)), _steps(turned_o)
     axis_i, axis_o = (
         np.where(phi_i < half, phi_i, phi_i - half),
         np.where(phi_o < half, phi_o, phi_o - half),
@@ -103,7 +104,7 @@ def find_scans(measurement: Measurement) -> Scans:
     orders = []
     for running, first, second, third in (
         (signed_o, theta_i, phi_i, axis_o),
-        (m.phi_o, theta_i, phi_i, theta_o),
+        (turned_o, theta_i, phi_i, theta_o),
         (signed_i, theta_o, phi_o, axis_i),
     ):
         # 13 bits hold a full turn in steps of SAME; one sort of one integer is the fastest.

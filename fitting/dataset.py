@@ -51,8 +51,9 @@ class Dataset:
     full, search, scan : Observations
         All rows; at most SEARCH_ROWS; at most SCAN_ROWS (always residuals of
         the plain values, for which coefficients are linear).
-    used : ndarray of bool, shape (C, N)
-        Values that count.
+    present, used : ndarray of bool, shape (C, N)
+        Values that are there; those that count ("log" has no use for others than
+        positive ones).
     """
 
     def __init__(self, measurement: Measurement, metric: str, device: Device) -> None:
@@ -87,6 +88,7 @@ class Dataset:
         self.search = self.full if same else observe(self.search_rows, transform, ones)
         self.scan = observe(self.scan_rows, "identity", start)
         self.used = self.full.used
+        self.present = np.isfinite(m.values) & self.full.directions.visible
         self._started = True
         self._logarithmic: Observations | None = None
 

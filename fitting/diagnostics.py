@@ -50,19 +50,20 @@ class BySize:
     decades: tuple[Decade, ...]
 
 
-def by_size(measured: Array, fitted: Array, used: Mask) -> BySize:
+def by_size(measured: Array, fitted: Array, present: Mask) -> BySize:
     """Summarise residuals on the scale of the logarithm.
 
     Parameters
     ----------
     measured, fitted : ndarray, shape (C, N)
         1/sr.
-    used : ndarray of bool, shape (C, N)
+    present : ndarray of bool, shape (C, N)
+        Values that are there.
     """
     lowest, bins = -40, 80
     count, mean, square = np.zeros(bins), np.zeros(bins), np.zeros(bins)
     squares = 0.0
-    for y, f, u in zip(measured, fitted, used, strict=True):  # by channel, to save memory
+    for y, f, u in zip(measured, fitted, present, strict=True):  # by channel, to save memory
         positive = u & (y > 0.0) & (f > 0.0)
         y, f = y[positive], f[positive]
         ratio = np.log10(f / y)
@@ -78,7 +79,7 @@ def by_size(measured: Array, fitted: Array, used: Mask) -> BySize:
     return BySize(
         log10_rms=float(np.sqrt(squares / total)) if total else None,
         count=total,
-        excluded=int(used.sum()) - total,
+        excluded=int(present.sum()) - total,
         decades=tuple(
             Decade(
                 low=10.0 ** (lowest + k),

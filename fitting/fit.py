@@ -76,7 +76,7 @@ def _judge(dataset: Dataset, point: PointFit) -> _Judged:
 
 def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics:
     m, point = dataset.measurement, judged.fit
-    sizes = by_size(m.values, point.values, dataset.used)
+    sizes = by_size(m.values, point.values, dataset.present)
     reduced = float(np.nansum(judged.z**2)) / point.dof
     spread = 1.0 + 5.0 * np.sqrt(2.0 / point.dof)
     reason = ""
@@ -249,7 +249,7 @@ def fit(
         results=tuple(results),
         failed=tuple(failed),
         described=described,
-        verdict=verdict(results, described),
+        verdict=verdict(results, described, metric),
         seconds=time.perf_counter() - began,
         settings={
             "models": models if isinstance(models, str) else list(models),

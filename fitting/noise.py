@@ -16,23 +16,46 @@ __all__ = ["GROSS", "estimate_noise", "gaussian_deviance", "level", "variance"]
 
 Array = NDArray[np.float64]
 
-# Ratios additive^2 / relative^2 that are tried, in units of the largest f^2:
-# from "all relative" to "all additive".
 # A relative scale above this is no instrument's noise but a model that does not fit.
 GROSS = 0.25
 # Differences of -2 ln L below this decide nothing.
 EQUAL = 4.0
+# Ratios additive^2 / relative^2 that are tried, in units of the largest f^2:
+# from "all relative" to "all additive".
 RATIOS = np.geomspace(1e-14, 1e2, 49)
 # Enough values for two scales; more would only cost time.
 ENOUGH = 4096
+# Readings of up to so many times the scatter of the darker half may be noise alone.
+SCATTER = 5.0
 
 
 def level(f: Array, measured: Array, *, gross: bool) -> Array:
-    """Give h, shape (C, N), of model values and measured values (C, N) in 1/sr."""
+    """Give the level h that relative noise refers to.
+
+    Parameters
+    ----------
+    f, measured : ndarray, shape (C, N)
+        Model and measured values, 1/sr.
+    gross : bool
+        Take the measured value into account where it is far above the model's, but
+        not where negative readings show that it may be additive noise.
+
+    Returns
+    -------
+    ndarray, shape (C, N)
+        1/sr.
+    """
     if not gross:
         return f
     h: Array = np.abs(measured)
     h *= 0.5
+    for f_c, y_c, h_c in zip(f, measured, h, strict=True):
+        stride = -(-f_c.size // ENOUGH)
+        few_f, few_y = f_c[::stride], y_c[::stride]
+        dark = (few_f <= np.median(few_f)) & np.isfinite(few_y)
+        if (few_y < 0.0).any():
+            scatter = 1.4826 * np.median(np.abs(few_y - few_f)[dark])
+            h_c[h_c < 0.5 * SCATTER * scatter] = 0.0
     return np.fmax(f, h, out=h)
 
 
@@ -100,9 +123,9 @@ def estimate_noise(
 
 
 def _best_ratio(r2: Array, h2: Array) -> float:
-    """Profile likelihood over the ratio of the two variances, refined once."""
+    """Profile likelihood over the ratio of the two variances, refined twice."""
     grid = np.log(RATIOS * h2.max())
-    for _ in range(2):
+    for _ in range(3):
         shape = np.exp(grid)[:, None] + h2
         relative2 = np.mean(r2 / shape, axis=1)
         cost = r2.size * np.log(relative2 + 1e-300) + np.log(shape).sum(axis=1)

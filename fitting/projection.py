@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.kernels import Candidate, ModelError
+from lobefit.kernels import Candidate
 
 __all__ = ["Coordinates", "coordinates", "solve_bounded"]
 
@@ -55,13 +55,7 @@ class Coordinates:
 
 
 def coordinates(candidate: Candidate) -> Coordinates:
-    """Derive the coordinates from a candidate's record.
-
-    Raises
-    ------
-    ModelError
-        A ratio with a lower bound other than 0, which is not supported.
-    """
+    """Derive the coordinates from a candidate's record."""
     bounds = {p.name: p.bounds for p in candidate.model.linear}
     products = candidate.model.coefficients
     alone = {names[0]: k for k, names in enumerate(products) if len(names) == 1}
@@ -91,10 +85,8 @@ def coordinates(candidate: Candidate) -> Coordinates:
                 c0[k] = fixed
             continue
         ratio, a = ratios[name]
-        ratio_low, ratio_high = bounds[ratio]
+        ratio_high = bounds[ratio][1]
         ratio_fixed = candidate.fixed.get(ratio)
-        if ratio_low != 0.0:
-            raise ModelError(f"{candidate.name}: the ratio {ratio} needs the lower bound 0")
         if fixed is not None:
             c0[k] = fixed
             if ratio_fixed is None:

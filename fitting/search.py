@@ -111,7 +111,8 @@ def minimise(
     opt.set_upper_bounds(high)
     opt.set_initial_step(np.minimum(step, 0.49 * (high - low)))
     opt.set_xtol_abs(xtol)
-    opt.set_ftol_rel(ftol_rel)
+    if len(start) > 1:  # two points of a simplex may stand at equal height across the valley
+        opt.set_ftol_rel(ftol_rel)
     opt.set_maxeval(max_evaluations)
     try:
         opt.optimize(start)

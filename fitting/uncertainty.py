@@ -212,6 +212,16 @@ def _row(
             status = "upper"
         covariance = crossing if status in ("lower", "upper") else held
         variance = variance_scale * float(jacobian @ covariance @ jacobian)
+        if variance_scale == 0.0:  # exact data: no residual to judge by
+            return ParameterEstimate(
+                name=p.name,
+                channel=channel,
+                value=value,
+                standard_error=None,
+                status=status,
+                unit=p.unit,
+                meaning=p.meaning,
+            )
         error = float(np.sqrt(variance)) if np.isfinite(variance) and variance > 0.0 else None
         span = np.log(high / low) * value if p.scale == "log" else (p.period or high - low)
         if error is None or error > KNOWS_NOTHING * span:

@@ -10,7 +10,7 @@ from lobefit.fitting.selection import BIC_MARGIN
 __all__ = ["verdict"]
 
 
-def verdict(results: Sequence[FitResult], described: bool) -> str:
+def verdict(results: Sequence[FitResult], described: bool, metric: str) -> str:
     """Say what a fit found.
 
     Parameters
@@ -19,6 +19,8 @@ def verdict(results: Sequence[FitResult], described: bool) -> str:
         Ranked.
     described : bool
         Whether the first one describes the surface.
+    metric : str
+        How residuals were weighed.
 
     Returns
     -------
@@ -49,6 +51,11 @@ def verdict(results: Sequence[FitResult], described: bool) -> str:
                 )
             else:
                 text.append(f"The next best, {rival.candidate}, has a BIC {lead:.4g} higher.")
+    if metric == "log" and d.log10_excluded:
+        text.append(
+            f"{d.log10_excluded} of {d.log10_count + d.log10_excluded} values are not positive "
+            "and have no logarithm: they were left out."
+        )
     if d.misfit_limited:
         text.append(
             f"The fit is misfit-limited: {d.misfit_reason}; its errors are first order only."

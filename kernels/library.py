@@ -73,7 +73,9 @@ class Parameter:
         """Raise a `ModelError` where the row contradicts itself."""
         low, high = self.bounds
         problem = None
-        if not low < high:
+        if self.scale not in ("linear", "log"):
+            problem = f"has the scale {self.scale!r}, not linear or log"
+        elif not low < high:
             problem = f"has the empty range {self.bounds}"
         elif not low <= self.default <= high:
             problem = f"has its default {self.default} outside its bounds {self.bounds}"
@@ -183,6 +185,9 @@ class Lobe:
         names = [p.name for p in self.parameters]
         linear = {p.name for p in self.parameters if p.linear}
         alone = {c[0] for c in self.coefficients if len(c) == 1}
+        bounds = {p.name: p.bounds for p in self.parameters}
+        kind = {p.name: p.linear for p in self.parameters}
+        forms = [v.name for v in self.variants]
         problems = [
             (len(set(names)) < len(names), "names a parameter twice"),
             (not self.coefficients, "declares no basis function"),
@@ -200,6 +205,29 @@ class Lobe:
             (
                 any(not {*v.fixed, *v.tied, *v.tied.values()} <= set(names) for v in self.variants),
                 "has a variant of a parameter that it does not declare",
+            ),
+            (
+                any(
+                    not bounds[n][0] <= value <= bounds[n][1]
+                    for v in self.variants
+                    for n, value in v.fixed.items()
+                    if n in bounds
+                ),
+                "has a variant that holds a parameter outside its bounds",
+            ),
+            (
+                any(kind.get(a) or kind.get(b) for v in self.variants for a, b in v.tied.items()),
+                "has a variant that ties linear parameters, which the solution cannot",
+            ),
+            (len(set(forms)) < len(forms), "names a variant twice"),
+            (self.diffuse and "k_d" in names, "has a k_d of its own beside the diffuse term"),
+            (
+                any(bounds[c[1]][0] != 0.0 for c in self.coefficients if len(c) == 2),
+                "has a ratio whose lower bound is not 0",
+            ),
+            (
+                any(not (files("lobefit.kernels") / "cl" / u).is_file() for u in self.uses),
+                "uses a shared piece that cl/ does not have",
             ),
             (
                 any(not set(r.params) <= {*names, "k_d"} for r in self.references),
@@ -283,6 +311,8 @@ def _load_lobe(name: str) -> tuple[Lobe, str]:
         module = importlib.import_module(f"lobefit.kernels.models.{name}")
     except TypeError as error:  # the closed schema: an unknown or missing field
         raise ModelError(f"models/{name}.py breaks the schema of a model: {error}") from error
+    except Exception as error:
+        raise ModelError(f"models/{name}.py cannot be loaded: {error}") from error
     lobe = getattr(module, "LOBE", None)
     if not isinstance(lobe, Lobe) or lobe.name != name:
         raise ModelError(f"models/{name}.py must declare LOBE = Lobe(name={name!r}, ...)")

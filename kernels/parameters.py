@@ -106,5 +106,7 @@ def linear_from_coefficients(model: Model, coefficients: Array) -> dict[str, Arr
         elif len(names) == 2:
             scale = found[names[0]]
             ratio = np.divide(column, scale, out=np.zeros_like(column), where=scale > 0.0)
-            found[names[1]] = ratio
+            # Rounding must not carry it past its bound.
+            bounds = next(p.bounds for p in model.linear if p.name == names[1])
+            found[names[1]] = np.clip(ratio, *bounds)
     return found

@@ -132,7 +132,8 @@ def test_fewer_values_than_parameters_do_not_divide_by_zero() -> None:
 def test_the_level_is_the_models_value_but_for_gross_misfit() -> None:
     f = np.array([[1.0, 1.0, 1.0, 1.0, 0.0]])
     y = np.array([[0.5, 1.5, 2.0, -9.0, np.nan]])
-    np.testing.assert_array_equal(level(f, y), [[1.0, 1.0, 1.0, 4.5, 0.0]])
+    np.testing.assert_array_equal(level(f, y, gross=False), f)
+    np.testing.assert_array_equal(level(f, y, gross=True), [[1.0, 1.0, 1.0, 4.5, 0.0]])
 
 
 def test_deviance_is_twice_the_negative_log_likelihood() -> None:

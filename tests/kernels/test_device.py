@@ -65,12 +65,6 @@ def choose(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     return choose
 
 
-@pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forget the opened devices, so that programs are built again."""
-    monkeypatch.setattr(device, "_open", {})
-
-
 def python(script: str, **environment: str) -> str:
     """Run a script in a new process and give its output."""
     done = subprocess.run(
@@ -172,7 +166,8 @@ def test_no_linker_on_the_path_of_a_new_process() -> None:
     assert "apt-get install binutils" in python(script, PATH="/nonexistent")
 
 
-def test_no_pyopencl(fresh: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_pyopencl(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device, "_open", {})
     monkeypatch.setitem(sys.modules, "pyopencl", None)
     with pytest.raises(DeviceError, match="pip install pyopencl"):
         get_device()
