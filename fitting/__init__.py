@@ -5,6 +5,7 @@ from lobefit.fitting.measurement import Dropped, Measurement
 from lobefit.fitting.readers import read_measurement
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
+from lobefit.fitting.scan_patterns import Hemisphere, InPlane
 from lobefit.fitting.simulate import simulate
 from lobefit.fitting.writers import write_measurement
 
@@ -12,6 +13,8 @@ __all__ = [
     "Dropped",
     "FitReport",
     "FitResult",
+    "Hemisphere",
+    "InPlane",
     "Measurement",
     "fit",
     "read_measurement",

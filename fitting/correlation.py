@@ -45,24 +45,24 @@ class Scans:
             At least 1: 1 + 2 sum of the autocorrelations up to the first that
             noise alone could produce; the longest of the kinds of scans.
         """
-        times = [
-            _autocorrelation_time(np.nan_to_num(z[:, o]), starts) for o, starts in self._orders
-        ]
+        times = [_autocorrelation_time(z[:, order], starts) for order, starts in self._orders]
         return max(times, default=1.0)
 
 
 def _autocorrelation_time(z: Array, starts: NDArray[np.bool_]) -> float:
     line = np.cumsum(starts)
-    power = float(np.mean(z**2))
+    there = np.isfinite(z)
+    z = np.where(there, z, 0.0)
+    power = float((z**2).sum()) / max(int(there.sum()), 1)
     if not power > 0.0:
         return 1.0
     time, lag, step, before = 1.0, 1, 1, 1.0
     while lag < z.shape[1]:
-        same = line[lag:] == line[:-lag]
-        pairs = int(same.sum()) * len(z)
+        both = there[:, lag:] & there[:, :-lag] & (line[lag:] == line[:-lag])
+        pairs = int(both.sum())
         if pairs < 8:
             break
-        rho = float((z[:, lag:] * z[:, :-lag])[:, same].sum()) / (pairs * power)
+        rho = float((z[:, lag:] * z[:, :-lag]).sum(where=both)) / (pairs * power)
         # Three standard deviations of what independent values would show.
         if rho < 3.0 / np.sqrt(pairs):
             break
@@ -87,7 +87,8 @@ def _wrapped(phi: Array) -> Array:
 def find_scans(measurement: Measurement) -> Scans:
     """Find the scan lines of a measurement: runs of theta_o, of phi_o, and of theta_i.
 
-    Points scattered over the hemisphere form no lines and count as independent.
+    Points scattered over the hemisphere form no lines; they are followed from neighbour to
+    neighbour instead.
     """
     m = measurement
     half = round(np.pi / SAME)
@@ -119,4 +120,29 @@ def find_scans(measurement: Measurement) -> Scans:
         starts[1:] = np.diff(line[order]) != 0
         if starts.mean() < 0.5:  # lines of two and more, else there is nothing to correlate
             orders.append((rows[order], starts))
+    if not orders and len(m.theta_i) > 1:
+        orders = [_by_nearness(m)]
     return Scans(orders)
+
+
+def _by_nearness(m: Measurement) -> tuple[Index, NDArray[np.bool_]]:
+    """Order scattered directions so that neighbours are near each other.
+
+    Along a Morton curve through the cube of half angle, difference angle and incidence,
+    on which isotropic models are smooth.
+    """
+    rows = np.arange(0, len(m.theta_i), -(-len(m.theta_i) // ENOUGH))
+    theta_i, theta_o = m.theta_i[rows], m.theta_o[rows]
+    across = np.sin(theta_i) * np.sin(theta_o) * np.cos(m.phi_o[rows] - m.phi_i[rows])
+    cos_d2 = 0.5 * (1.0 + across + np.cos(theta_i) * np.cos(theta_o))
+    cos_d = np.sqrt(np.clip(cos_d2, 1e-12, 1.0))
+    cos_h = np.clip(0.5 * (np.cos(theta_i) + np.cos(theta_o)) / cos_d, -1.0, 1.0)
+    code = np.zeros(len(rows), dtype=np.int64)
+    for shift, angle in enumerate((np.arccos(cos_h), np.arccos(cos_d), theta_i)):
+        step = np.clip(angle * (64.0 / (0.5 * np.pi)), 0, 63).astype(np.int64)
+        for bit in range(6):
+            code |= ((step >> bit) & 1) << (3 * bit + shift)
+    order = np.argsort(code, kind="stable")
+    starts = np.zeros(len(rows), dtype=bool)
+    starts[0] = True
+    return rows[order], starts

@@ -93,6 +93,14 @@ class Dataset:
         self._logarithmic: Observations | None = None
 
     @cached_property
+    def distinct_directions(self) -> int:
+        """Directions that differ by more than 0.01 degrees, counted up to SCAN_ROWS rows."""
+        m, rows = self.measurement, self.scan_rows
+        angles = np.stack([a[rows] for a in (m.theta_i, m.phi_i, m.theta_o, m.phi_o)])
+        steps = np.round(np.degrees(angles) * 100.0).astype(np.int64)
+        return int(np.unique(steps, axis=1).shape[1])
+
+    @cached_property
     def scans(self) -> Scans:
         """Scan lines of the measurement."""
         return find_scans(self.measurement)

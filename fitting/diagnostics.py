@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.measurement import Measurement
-from lobefit.fitting.result import Decade
+from lobefit.fitting.result import Decade, Outliers
 from lobefit.kernels.geometry import Directions
 
-__all__ = ["BySize", "by_size", "regions", "rmse", "worst_regions"]
+__all__ = ["BySize", "by_size", "outliers", "regions", "rmse", "worst_regions"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,6 +19,12 @@ Mask = NDArray[np.bool_]
 # Half angles (degrees) that count as the lobe itself.
 NEAR_MIRROR = 5.0
 NEAR_RETRO = 5.0
+# Robust standard deviations from the model: no noise reaches them.
+OUTLYING = 8.0
+# Values per channel that determine the scatter well enough.
+ENOUGH = 16_384
+# Regions of 15 degrees from the normal to the horizon.
+SIDE = 7
 KINDS = ("forward", "backward", "sideways", "at the mirror direction", "at retro-reflection")
 
 
@@ -120,31 +126,68 @@ def worst_regions(
     tuple of str
         Regions by their share of the misfit, largest first.
     """
-    share, mean, counted = (np.zeros(6 * 6 * 5) for _ in range(3))
+    share, mean, square, counted = (np.zeros(SIDE * SIDE * len(KINDS)) for _ in range(4))
     for y, f, z_c, u in zip(measured, fitted, z, used, strict=True):  # to save memory
         size = len(share)
         share += np.bincount(region, np.where(u, z_c * z_c, 0.0), minlength=size)
         larger = np.fmax(np.abs(y), np.abs(f))
         signed = np.where(u, (f - y) / np.where(larger > 0.0, larger, 1.0), 0.0)
         mean += np.bincount(region, signed, minlength=size)
+        square += np.bincount(region, signed * signed, minlength=size)
         counted += np.bincount(region, u, minlength=size)
     mean /= np.maximum(counted, 1.0)
+    rms = np.sqrt(square / np.maximum(counted, 1.0))
     total = share.sum()
     texts = []
     for k in np.argsort(-share, kind="stable")[:most]:
         if not total > 0.0 or share[k] < 0.05 * total:
             break
-        i, o, how = k // 30, k // 5 % 6, KINDS[k % 5]
-        direction = "low" if mean[k] < 0.0 else "high"
+        where, how = k // len(KINDS), KINDS[k % len(KINDS)]
+        off = f"model off by {100 * rms[k]:.0f} %"
+        if abs(mean[k]) > 0.7 * rms[k]:
+            direction = "low" if mean[k] < 0.0 else "high"
+            off = f"model {100 * abs(mean[k]):.0f} % too {direction}"
         texts.append(
-            f"theta_i {15 * i}-{15 * i + 15}°, theta_o {15 * o}-{15 * o + 15}°, {how}: model "
-            f"{100 * abs(mean[k]):.0f} % too {direction} ({100 * share[k] / total:.0f} % of the misfit)"
+            f"theta_i about {15 * (where // SIDE)}°, theta_o about {15 * (where % SIDE)}°, {how}: "
+            f"{off} ({100 * share[k] / total:.0f} % of the misfit)"
         )
     return tuple(texts)
 
 
+def outliers(measurement: Measurement, z: Array, fitted: Array, most: int = 3) -> Outliers:
+    """Find values that lie far outside the scatter of the others.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    z : ndarray, shape (C, N)
+        Standardised residuals; NaN where not used.
+    fitted : ndarray, shape (C, N)
+        Model values, 1/sr.
+    most : int
+        How many examples to give.
+    """
+    size = np.abs(z)
+    few = size[:, :: -(-size.shape[1] // ENOUGH)]
+    scatter = 1.4826 * float(np.nanmedian(few))
+    far = size > OUTLYING * scatter
+    count = int(far.sum())
+    if not count or not scatter > 0.0:
+        return Outliers(0, ())
+    m = measurement
+    channel, row = np.nonzero(far)
+    worst = np.argsort(-size[channel, row], kind="stable")[:most]
+    examples = tuple(
+        f"{m.channels[c]} at theta_i {np.degrees(m.theta_i[k]):.4g}°, "
+        f"theta_o {np.degrees(m.theta_o[k]):.4g}°, phi_o {np.degrees(m.phi_o[k]):.4g}°: "
+        f"{m.values[c, k]:.3g} 1/sr where the model has {fitted[c, k]:.3g}"
+        for c, k in zip(channel[worst], row[worst], strict=True)
+    )
+    return Outliers(count, examples)
+
+
 def regions(measurement: Measurement, directions: Directions) -> NDArray[np.intp]:
-    """Give the region of each row: incidence and observation by 15 degrees, and where to.
+    """Give the region of each row: incidence, observation, and where to.
 
     Parameters
     ----------
@@ -163,7 +206,8 @@ def regions(measurement: Measurement, directions: Directions) -> NDArray[np.intp
     retro = 2.0 * (1.0 - read("one_minus_cos_d")) ** 2 - 1.0
     kind[retro > np.cos(np.radians(NEAR_RETRO))] = 4
     kind[read("log2_cos_r") > np.log2(np.cos(np.radians(2.0 * NEAR_MIRROR)))] = 3
-    bin_i = np.minimum((measurement.theta_i * (12.0 / np.pi)).astype(np.intp), 5)
-    bin_o = np.minimum((measurement.theta_o * (12.0 / np.pi)).astype(np.intp), 5)
-    numbers: NDArray[np.intp] = (bin_i * 6 + bin_o) * 5 + kind
+    # Regions are centred on multiples of 15 degrees, where incidences usually are.
+    bin_i = (measurement.theta_i * (12.0 / np.pi) + 0.5).astype(np.intp)
+    bin_o = (measurement.theta_o * (12.0 / np.pi) + 0.5).astype(np.intp)
+    numbers: NDArray[np.intp] = (bin_i * SIDE + bin_o) * len(KINDS) + kind
     return numbers

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import METRICS, Dataset
-from lobefit.fitting.diagnostics import by_size, rmse, worst_regions
+from lobefit.fitting.diagnostics import by_size, outliers, rmse, worst_regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import GROSS, gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
@@ -23,6 +23,7 @@ from lobefit.fitting.verdict import verdict
 from lobefit.kernels import (
     Candidate,
     Device,
+    DeviceError,
     FitError,
     MeasurementError,
     ModelError,
@@ -103,9 +104,12 @@ def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics
         reduced_chi_square=reduced,
         effective_samples=samples / judged.correlation,
         samples=samples,
+        outliers=outliers(m, judged.z, point.values),
         misfit_limited=bool(reason),
         misfit_reason=reason,
-        worst=worst_regions(dataset.regions, m.values, point.values, judged.z, dataset.used),
+        worst=worst_regions(dataset.regions, m.values, point.values, judged.z, dataset.used)
+        if reason
+        else (),
     )
 
 
@@ -117,9 +121,9 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: st
     diagnostics = _diagnostics(dataset, judged, samples)
     scale = 1.0
     if not dataset.uses_sigma:
-        # Weights are 1/sigma^2 where the noise was estimated, 1 where there is no likelihood.
-        unit = 1.0 if dataset.estimates_noise else float(point.sigma.flat[0] ** 2)
-        scale = unit * diagnostics.reduced_chi_square * judged.correlation
+        # Without a likelihood the scatter is in the sandwich already.
+        spread = diagnostics.reduced_chi_square if point.meat is None else samples / point.dof
+        scale = spread * judged.correlation
     found = estimates(point, m.channels, scale)
     size = problem.candidate.n_parameters(m.n_channels)
     effective = samples / correlation
@@ -212,6 +216,11 @@ def fit(
     'lambert'
     """
     began = time.perf_counter()
+    if not isinstance(measurement, Measurement):
+        raise MeasurementError(
+            f"fit takes a Measurement, not {type(measurement).__name__}; "
+            "read a file with read_measurement first"
+        )
     if metric == "auto":
         metric = "chi2" if measurement.sigma is not None else "relative"
     if metric not in METRICS:
@@ -221,6 +230,7 @@ def fit(
     if is_set and not measurement.has_azimuthal_evidence:
         wanted = [c for c in wanted if c.isotropic]
     _check_options(wanted, options)
+    _check_channels(measurement)
     dataset = Dataset(measurement, metric, get_device(device))
     judged: list[_Judged] = []
     failed: list[FailedFit] = []
@@ -231,7 +241,7 @@ def fit(
             try:
                 chosen = _options_of(candidate, options)
                 judged.append(_judge(dataset, fit_point(candidate, dataset, chosen)))
-            except (FitError, MeasurementError) as error:
+            except (DeviceError, FitError, MeasurementError) as error:
                 failed.append(FailedFit(candidate.name, str(error)))
                 if not judged and candidate is wanted[-1]:
                     raise
@@ -249,7 +259,7 @@ def fit(
         results=tuple(results),
         failed=tuple(failed),
         described=described,
-        verdict=verdict(results, described, metric),
+        verdict=verdict(measurement, results, described, metric),
         seconds=time.perf_counter() - began,
         settings={
             "models": models if isinstance(models, str) else list(models),
@@ -258,6 +268,17 @@ def fit(
             "device": dataset.device.info.id,
         },
     )
+
+
+def _check_channels(m: Measurement) -> None:
+    """Raise a `MeasurementError` for a channel that reflects nothing anywhere."""
+    for channel, values in zip(m.channels, m.values, strict=True):
+        if not np.any(values > 0.0):
+            raise MeasurementError(
+                "the channel has no value above zero; leave it out",
+                file=m.source or None,
+                column=channel,
+            )
 
 
 def _check_options(wanted: list[Candidate], options: Mapping[str, str] | None) -> None:

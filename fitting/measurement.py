@@ -48,7 +48,7 @@ class Dropped:
     count: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Measurement:
     """A measured BRDF.
 
@@ -121,6 +121,11 @@ class Measurement:
                 raise self._error("sigma is not positive and finite at every value")
         if not self.rows_read:
             store(self, "rows_read", self.n_directions)
+
+    def __repr__(self) -> str:
+        """Give size and channels, not the arrays."""
+        names = ", ".join(self.channels[:6]) + (", ..." if self.n_channels > 6 else "")
+        return f"<Measurement {self.source or 'unnamed'}: {self.n_directions} directions, {names}>"
 
     def _error(self, message: str, *, expected: str | None = None) -> MeasurementError:
         return MeasurementError(message, file=self.source or None, expected=expected)

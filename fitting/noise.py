@@ -25,6 +25,8 @@ EQUAL = 4.0
 RATIOS = np.geomspace(1e-14, 1e2, 49)
 # Enough values for two scales; more would only cost time.
 ENOUGH = 4096
+# Fewer readings than this in a channel do not give it two scales of its own.
+FEW = 30
 # Readings of up to so many times the scatter of the darker half may be noise alone.
 SCATTER = 5.0
 
@@ -100,26 +102,42 @@ def estimate_noise(
     """
     channels = len(h)
     additive, proportional = np.zeros(channels), np.zeros(channels)
-    total = int(used.sum())
-    freedom = max(total - n_parameters, 1) / max(total, 1)
-    for c in range(channels):
+    counts = used.sum(axis=1)
+    # The parameters are shared out over the channels: their own ones, and a part of the rest.
+    freedom = np.maximum(counts - n_parameters / channels, 0.5) / np.maximum(counts, 1)
+    for c in np.flatnonzero(counts >= FEW):
         r2, h2 = residuals[c, used[c]] ** 2, h[c, used[c]] ** 2
-        if r2.size == 0:
-            additive[c] = 1.0
-            continue
-        if not relative or not (h2.max() > 0.0):
-            additive[c] = np.sqrt(r2.mean() / freedom)
-            continue
-        stride = -(-r2.size // ENOUGH)
-        few_r2, few_h2 = r2[::stride], h2[::stride]
-        ratio = _best_ratio(few_r2, few_h2)
-        scale2 = float(np.mean(r2 / (ratio + h2))) / freedom
-        additive[c], proportional[c] = np.sqrt(scale2 * ratio), np.sqrt(scale2)
+        additive[c], proportional[c] = _scales(r2, h2, freedom[c], relative=relative)
+    few = np.flatnonzero(counts < FEW)
+    if few.size:  # too few readings for two scales of their own: those of all channels
+        size = np.array(
+            [np.median(np.abs(h[c, used[c]])) if counts[c] else 0.0 for c in range(channels)]
+        )
+        size = np.where(size > 0.0, size, 1.0)
+        every = [c for c in range(channels) if counts[c]]
+        if not every:
+            return np.ones(channels), proportional
+        r2, h2 = (
+            np.concatenate([(a[c, used[c]] / size[c]) ** 2 for c in every]) for a in (residuals, h)
+        )
+        pooled = max(counts.sum() - n_parameters, 0.5) / counts.sum()
+        scales = _scales(r2, h2, pooled, relative=relative)
+        additive[few], proportional[few] = scales[0] * size[few], scales[1]
     # Exact data have no noise; a scale far below any datum keeps the weights finite.
     largest = np.where(used, np.abs(h), 0.0).max(axis=1)
     negligible = (additive == 0.0) | ~np.isfinite(additive)
     additive = np.where(negligible, 1e-12 * largest + 1e-150, additive)
     return additive, proportional
+
+
+def _scales(r2: Array, h2: Array, freedom: float, *, relative: bool) -> tuple[float, float]:
+    """Give both scales from squared residuals and levels."""
+    if not relative or not (h2.max() > 0.0):
+        return float(np.sqrt(r2.mean() / freedom)), 0.0
+    stride = -(-r2.size // ENOUGH)
+    ratio = _best_ratio(r2[::stride], h2[::stride])
+    scale2 = float(np.mean(r2 / (ratio + h2))) / freedom
+    return float(np.sqrt(scale2 * ratio)), float(np.sqrt(scale2))
 
 
 def _best_ratio(r2: Array, h2: Array) -> float:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.result import Plausibility
-from lobefit.kernels.albedo import basis_albedo, coarse_grid
+from lobefit.kernels.albedo import azimuth_refinement, basis_albedo, coarse_grid
 from lobefit.kernels.evaluate import basis_values
 from lobefit.kernels.geometry import Directions
 
@@ -36,6 +36,7 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
     """
     x = problem.parameters(t)[None, :]
     device = problem.dataset.device
+    refine = azimuth_refinement(problem.candidate.model, x[0])
     azimuths = (
         (0.0,) if problem.candidate.isotropic else tuple(np.radians([0.0, 45.0, 90.0, 135.0]))
     )
@@ -43,7 +44,7 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
         [
             np.max(
                 [
-                    c @ basis_albedo(problem.program, coarse_grid(device, theta, phi), x)[0]
+                    c @ basis_albedo(problem.program, coarse_grid(device, theta, phi, refine), x)[0]
                     for phi in azimuths
                 ],
                 axis=0,

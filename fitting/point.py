@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.fitting.dataset import Dataset
+from lobefit.fitting.dataset import METRICS, Dataset
 from lobefit.fitting.noise import level, variance
-from lobefit.fitting.polish import Polished, polish
+from lobefit.fitting.polish import Polished, polish, sums_at
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.reweigh import Weighed, fit_with_noise
 from lobefit.fitting.valley import descend, starts
 from lobefit.kernels import Candidate, FitError, MeasurementError
+from lobefit.kernels.sums import transform
 
 __all__ = ["PointFit", "fit_point"]
 
@@ -38,6 +39,9 @@ class PointFit:
         the metrics "log" and "cube_root": then constant per measurement).
     additive, relative : ndarray, shape (C,)
         Scales of an estimated noise; 0 where sigma was given.
+    meat : ndarray or None, shape (C, n + D, n + D)
+        Sums of w^2 r^2 J J^T where the metric has no likelihood: its residuals do not
+        have the scatter that the weights say, and the errors are those of a sandwich.
     dof : int
         Degrees of freedom.
     algorithm, reason : str
@@ -50,6 +54,7 @@ class PointFit:
     sigma: Array
     additive: Array
     relative: Array
+    meat: Array | None
     dof: int
     algorithm: str
     reason: str
@@ -87,12 +92,7 @@ def fit_point(
     n_parameters = candidate.n_parameters(channels)
     samples = int(dataset.used.sum())
     dof = samples - n_parameters
-    if dof < 1 or (dataset.used.sum(axis=1) < 1 + len(candidate.solved)).any():
-        raise MeasurementError(
-            f"{samples} usable values in {channels} channels are too few directions for "
-            f"{candidate.name} with {n_parameters} parameters; measure more or fit a simpler model",
-            file=dataset.measurement.source or None,
-        )
+    _check_enough(candidate, dataset, n_parameters)
     dataset.reset_weights()
     valleys = starts(problem)
     if not valleys:
@@ -123,11 +123,46 @@ def fit_point(
         sigma=_sigma(dataset, values, weighed, dof),
         additive=weighed.additive,
         relative=weighed.relative,
+        meat=None if METRICS[dataset.metric] == "identity" else _meat(problem, polished, values),
         dof=dof,
         algorithm=", ".join(algorithm if len(found.point) else algorithm[2:]),
         reason=f"{polished.reason} (NLopt: {found.reason})",
         seconds=time.perf_counter() - began,
     )
+
+
+def _check_enough(candidate: Candidate, dataset: Dataset, n_parameters: int) -> None:
+    """Raise a `MeasurementError` where the data cannot determine the candidate."""
+    m = dataset.measurement
+    advice = "measure more or fit a simpler model"
+    counts = dataset.used.sum(axis=1)
+    fewest = int(np.argmin(counts))
+    least = 1 + len(candidate.solved)
+    if counts[fewest] < least:
+        usable = "positive values, for the logarithm," if dataset.metric == "log" else "values"
+        raise MeasurementError(
+            f"{counts[fewest]} usable {usable} are too few for {candidate.name}, which needs "
+            f"{least} in each channel; {advice}",
+            file=m.source or None,
+            column=m.channels[fewest],
+        )
+    distinct, least = dataset.distinct_directions, len(candidate.searched) + least
+    if distinct < least or counts.sum() <= n_parameters:
+        raise MeasurementError(
+            f"{distinct} distinct directions and {counts.sum()} values are too few for "
+            f"{candidate.name} with {n_parameters} parameters; {advice}",
+            file=m.source or None,
+        )
+
+
+def _meat(problem: Problem, point: Polished, values: Array) -> Array:
+    """Sum w^2 r^2 J J^T at a point; the weights of these metrics are 1."""
+    dataset = problem.dataset
+    metric = METRICS[dataset.metric]
+    measured = np.where(dataset.used, dataset.measurement.values, 1.0)
+    residuals = transform(measured, metric) - transform(np.maximum(values, 1e-300), metric)
+    dataset.set_weights(residuals**2)
+    return sums_at(problem, point.t, point.c)[1].matrix
 
 
 def _sigma(dataset: Dataset, values: Array, weighed: Weighed, dof: int) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lobefit.fitting.problem import Problem
 from lobefit.kernels.sums import normal_equations
 
-__all__ = ["Curvature", "Polished", "polish"]
+__all__ = ["Curvature", "Polished", "eliminate", "polish", "sums_at"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -58,7 +58,8 @@ class Polished:
     reason: str
 
 
-def _sums(problem: Problem, t: Array, c: Array) -> tuple[float, Curvature]:
+def sums_at(problem: Problem, t: Array, c: Array) -> tuple[float, Curvature]:
+    """Give the objective and its curvature at a point, with the weights in force."""
     steps = problem.steps(t) if len(t) else None
     x = problem.parameters(t)[None, :]
     sums = normal_equations(problem.program, problem.dataset.full, x, c[None], steps)
@@ -95,7 +96,7 @@ def eliminate(matrix: Array, vector: Array, n: int, free: Mask) -> tuple[Array, 
     return schur, reduced, inverse
 
 
-def solve_symmetric(matrix: Array, vector: Array, damping: float) -> Array:
+def _solve_symmetric(matrix: Array, vector: Array, damping: float) -> Array:
     """Solve a small semidefinite system; directions it does not determine do not move."""
     if not len(vector):
         return vector
@@ -126,7 +127,7 @@ def _step(
         schur, reduced, inverse = eliminate(H, vector, n, ~held)
         move = np.zeros(n)
         go = ~still
-        move[go] = solve_symmetric(schur[np.ix_(go, go)], reduced[go], damping)
+        move[go] = _solve_symmetric(schur[np.ix_(go, go)], reduced[go], damping)
         move = np.clip(move, -MAX_MOVE, MAX_MOVE)
         move = np.clip(move, scale.low - t, scale.high - t)
         rest = vector[:, n:] - np.einsum("cnd,n->cd", H[:, :n, n:], move)
@@ -162,7 +163,7 @@ def polish(problem: Problem, t: Array, c: Array, dof: int) -> Polished:
     rounding = ROUNDING[problem.dataset.precision]
     d = k.coordinates(c)
     c = k.coefficients(d)
-    value, curvature = _sums(problem, t, c)
+    value, curvature = sums_at(problem, t, c)
     damping, rejected = 0.0, 0
     for iteration in range(MAX_ITERATIONS):
         move, moved_d = _step(problem, t, d, curvature, damping)
@@ -174,7 +175,7 @@ def polish(problem: Problem, t: Array, c: Array, dof: int) -> Polished:
             return Polished(t, c, value, curvature, iteration, True, "the gradient vanished")
         new_t = t + move
         new_d = np.clip(d + moved_d, k.low, k.high)
-        new_value, new_curvature = _sums(problem, new_t, k.coefficients(new_d))
+        new_value, new_curvature = sums_at(problem, new_t, k.coefficients(new_d))
         if np.isfinite(new_value) and new_value <= value:
             t, d, value, curvature = new_t, new_d, new_value, new_curvature
             c = k.coefficients(d)

@@ -16,6 +16,7 @@ __all__ = [
     "Diagnostics",
     "FitResult",
     "NoiseScales",
+    "Outliers",
     "ParameterEstimate",
     "Plausibility",
     "Status",
@@ -23,7 +24,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Status = Literal["free", "fixed", "lower", "upper", "undetermined"]
+Status = Literal["free", "fixed", "tied", "lower", "upper", "undetermined"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +43,7 @@ class ParameterEstimate:
         First order, from the Jacobian; None where the parameter is held or the
         data do not determine it.
     status : str
-        "free", "fixed" (by the candidate), "lower" or "upper" (on that bound;
+        "free", "fixed" or "tied" to another (by the candidate), "lower" or "upper" (on that bound;
         the error is then that of an estimate free to cross it), or
         "undetermined" (the data say nothing about it).
     unit, meaning : str
@@ -111,6 +112,22 @@ class Decade:
     rms_relative: float
 
 
+@dataclass(frozen=True, slots=True)
+class Outliers:
+    """Values far outside the scatter of the others.
+
+    Attributes
+    ----------
+    count : int
+        How many lie more than 8 robust standard deviations from the model.
+    examples : tuple of str
+        The worst of them, with channel, angles and values.
+    """
+
+    count: int
+    examples: tuple[str, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostics:
     """How well a fitted model describes the measurement.
@@ -135,6 +152,8 @@ class Diagnostics:
         In words; empty where it is not.
     worst : tuple of str
         Where it fails most, in words.
+    outliers : Outliers
+        Values that neither the model nor the noise explains.
     """
 
     log10_rms: float | None
@@ -147,6 +166,7 @@ class Diagnostics:
     misfit_limited: bool
     misfit_reason: str
     worst: tuple[str, ...]
+    outliers: Outliers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

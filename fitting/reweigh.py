@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.noise import GROSS, estimate_noise, gaussian_deviance, level, variance
-from lobefit.fitting.polish import Polished, polish
+from lobefit.fitting.polish import Polished, polish, sums_at
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.valley import descend
 
@@ -77,9 +77,16 @@ def _rounds(
         additive, relative, weights, deviance = _noise(problem, polished, n_parameters, gross)
         # Reweighing is no descent: where the model is far off it may run away.
         if deviance > best_deviance + RUNAWAY * dataset.used.sum():
-            polished = best
             additive, relative, weights, _ = _noise(problem, best, n_parameters, gross)
             dataset.set_weights(weights)
+            value, curvature = sums_at(problem, best.t, best.c)
+            polished = replace(
+                best,
+                value=value,
+                curvature=curvature,
+                converged=False,
+                reason="reweighing ran away and was undone",
+            )
             break
         if deviance < best_deviance:
             best, best_deviance = polished, deviance

@@ -25,7 +25,8 @@ def ranking(report: FitReport) -> str:
     -------
     str
         One line per candidate: rank, name, count of free parameters, BIC above the lowest,
-        rmse in 1/sr, rms of log10(model/measured), largest directional albedo of all
+        rmse in 1/sr, rms of log10(model/measured) or (where sigma is given) reduced
+        chi-square, largest directional albedo of all
         channels, and `flags`. Then one line per candidate that could not be fitted.
     """
     known = [r.bic for r in report.results if r.bic is not None]
@@ -37,7 +38,7 @@ def ranking(report: FitReport) -> str:
             "parameters",
             "BIC diff",
             "rmse [1/sr]",
-            "log10 rms",
+            "red. chi2" if report.best.noise.given else "log10 rms",
             "max albedo",
             "flags",
         )
@@ -51,7 +52,11 @@ def ranking(report: FitReport) -> str:
                 str(r.n_parameters),
                 MISSING if r.bic is None else _difference(r.bic - lowest),
                 f"{r.rmse:.3g}",
-                MISSING if log10_rms is None else f"{log10_rms:.3f}",
+                f"{r.diagnostics.reduced_chi_square:.3g}"
+                if r.noise.given
+                else MISSING
+                if log10_rms is None
+                else f"{log10_rms:.3f}",
                 f"{max(r.plausibility.albedo_max):.3f}",
                 ", ".join(flags(r)),
             )
@@ -85,13 +90,7 @@ def flags(result: FitResult) -> list[str]:
 def cautions(result: FitResult) -> list[str]:
     """Give the same as sentences with numbers, for the result that somebody will use."""
     said = []
-    d, p = result.diagnostics, result.plausibility
-    if d.misfit_limited:
-        reason = f" ({d.misfit_reason})" if d.misfit_reason else ""
-        said.append(
-            f"misfit-limited{reason}: the standard errors take the model for true; "
-            "its misfit makes the real ones larger"
-        )
+    p = result.plausibility
     if not p.conserves_energy:
         k = max(range(len(p.albedo_max)), key=lambda c: p.albedo_max[c])
         said.append(
@@ -171,7 +170,7 @@ def _label(e: ParameterEstimate, result: FitResult) -> str:
 
 def _value(e: ParameterEstimate) -> str:
     text = with_error(e.value, e.standard_error)
-    marks = {"free": "", "fixed": " (held)", "undetermined": " (undetermined)"}
+    marks = {"free": "", "fixed": " (held)", "tied": " (tied)", "undetermined": " (undetermined)"}
     return text + marks.get(e.status, f" ({e.status} bound)")
 
 

@@ -59,6 +59,22 @@ def _joint_covariance(curvature: Curvature, n: int, free: Mask) -> Array:
     return full
 
 
+def _sandwich(bread: Array, meat: Array | None, n: int) -> Array:
+    """Give the covariance H^-1 M H^-1 of residuals whose scatter is not what weights say."""
+    if meat is None:
+        return bread
+    channels, size = len(meat), meat.shape[1] - n
+    full = np.zeros_like(bread)
+    full[:n, :n] = meat[:, :n, :n].sum(axis=0)
+    for channel in range(channels):
+        rows = slice(n + channel * size, n + (channel + 1) * size)
+        full[rows, rows] = meat[channel, n:, n:]
+        full[rows, :n] = meat[channel, n:, :n]
+        full[:n, rows] = meat[channel, :n, n:]
+    covariance: Array = bread @ full @ bread
+    return covariance
+
+
 def _linear_jacobian(problem: Problem, c: Array, name: str) -> Array:
     """Differentiate a linear parameter with respect to d, shape (C, D)."""
     T = problem.coordinates.T
@@ -97,7 +113,7 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     d = problem.coordinates.coordinates(point.c)
     size = d.shape[1]
     inside = (d > problem.coordinates.low) & (d < problem.coordinates.high)
-    crossing = _joint_covariance(point.curvature, n, np.ones_like(inside))
+    crossing = _sandwich(_joint_covariance(point.curvature, n, np.ones_like(inside)), fit.meat, n)
     # A ratio (F0) on its bound that the data do not determine must not lend its bound's
     # firmness to its scale (k_s): there the bound is crossed for both.
     ratios = [names for names in model.coefficients if len(names) == 2]
@@ -111,7 +127,7 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
             if not variance < (KNOWS_NOTHING * span) ** 2:
                 alone = _linear_jacobian(problem, point.c, scale_name)[channel]
                 inside[channel] |= (J != 0.0) | (alone != 0.0)
-    held = _joint_covariance(point.curvature, n, inside)
+    held = _sandwich(_joint_covariance(point.curvature, n, inside), fit.meat, n)
     vague = _vague_scales(problem, point.c, held, n, variance_scale)
 
     x = problem.scale.to_parameters(point.t)
@@ -125,11 +141,13 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     rows: list[ParameterEstimate] = []
     jacobians: list[Array] = []
     for p in model.parameters:
-        fixed = p.name in candidate.fixed or p.name in candidate.tied
+        fixed: Status | None = None
+        if p.name in candidate.fixed or p.name in candidate.tied:
+            fixed = "fixed" if p.name in candidate.fixed else "tied"
         if p.linear:
             values = linear[p.name]
             per_d = _linear_jacobian(problem, point.c, p.name)
-            one = not p.per_channel or (fixed and len(set(values)) == 1)
+            one = not p.per_channel or (fixed is not None and len(set(values)) == 1)
             params[p.name] = float(values[0]) if one or count == 1 else [float(v) for v in values]
             for channel in range(1 if one else count):
                 J = np.zeros(n + count * size)
@@ -151,7 +169,7 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
                 J[m] = slope[m]
             rows.append(_row(p, None, value, J, held, crossing, fixed, variance_scale))
             jacobians.append(J)
-    free = [k for k, row in enumerate(rows) if row.status != "fixed"]
+    free = [k for k, row in enumerate(rows) if row.status not in ("fixed", "tied")]
     J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
     return Estimates(params, tuple(rows), variance_scale * (J @ crossing @ J.T))
 
@@ -194,14 +212,14 @@ def _row(
     jacobian: Array,
     held: Array,
     crossing: Array,
-    fixed: bool,
+    fixed: Status | None,
     variance_scale: float,
 ) -> ParameterEstimate:
     status: Status = "free"
     error: float | None = None
     low, high = p.bounds
     if fixed:
-        status = "fixed"
+        status = fixed
     elif not np.isfinite(jacobian).all():
         status = "undetermined"  # a ratio whose scale is 0
     else:
@@ -212,19 +230,10 @@ def _row(
             status = "upper"
         covariance = crossing if status in ("lower", "upper") else held
         variance = variance_scale * float(jacobian @ covariance @ jacobian)
-        if variance_scale == 0.0:  # exact data: no residual to judge by
-            return ParameterEstimate(
-                name=p.name,
-                channel=channel,
-                value=value,
-                standard_error=None,
-                status=status,
-                unit=p.unit,
-                meaning=p.meaning,
-            )
         error = float(np.sqrt(variance)) if np.isfinite(variance) and variance > 0.0 else None
         span = np.log(high / low) * value if p.scale == "log" else (p.period or high - low)
-        if error is None or error > KNOWS_NOTHING * span:
+        exact = variance_scale == 0.0  # no residual to judge by
+        if not exact and (error is None or error > KNOWS_NOTHING * span):
             status, error = ("undetermined" if status == "free" else status), None
     return ParameterEstimate(
         name=p.name,

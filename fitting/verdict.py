@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
 from lobefit.fitting.selection import BIC_MARGIN
 
 __all__ = ["verdict"]
 
+# A share of outliers above this is misfit, not bad readings.
+FEW = 0.01
+# Data that span more decades than this are better weighed by their logarithm.
+WIDE = 3.0
 
-def verdict(results: Sequence[FitResult], described: bool, metric: str) -> str:
+
+def verdict(
+    measurement: Measurement, results: Sequence[FitResult], described: bool, metric: str
+) -> str:
     """Say what a fit found.
 
     Parameters
     ----------
+    measurement : Measurement
+        What was fitted.
     results : sequence of FitResult
         Ranked.
     described : bool
@@ -25,45 +35,90 @@ def verdict(results: Sequence[FitResult], described: bool, metric: str) -> str:
     Returns
     -------
     str
-        Two or three sentences.
+        A few sentences.
     """
-    best = results[0]
+    sentences = [
+        *_quality(results[0], described),
+        *_rival(results),
+        *_doubts(results),
+        *_data(measurement, results[0], described, metric),
+    ]
+    return " ".join(sentences)
+
+
+def _quality(best: FitResult, described: bool) -> list[str]:
     d = best.diagnostics
     quality = f"(rmse {best.rmse:.3g} 1/sr"
     if best.noise.given:
         quality += f", reduced chi-square {d.reduced_chi_square:.3g})"
     else:
         quality += ")" if d.log10_rms is None else f", rms of log10 {d.log10_rms:.3f})"
-    if described:
-        text = [f"{best.candidate} describes this surface {quality}."]
-    else:
+    if not described:
         text = [f"No candidate describes this surface; the best is {best.candidate} {quality}."]
         if d.worst:
             text.append(f"It fails most at {d.worst[0]}.")
-    if best.bic is not None and len(results) > 1:
-        rival = results[1]
-        if rival.bic is not None:
-            lead = rival.bic - best.bic
-            if lead < 0.0:
-                text.append(
-                    f"{rival.candidate} fits no better than its {rival.n_parameters} parameters "
-                    f"against {best.n_parameters} allow (BIC {-lead:.3g} lower, margin {BIC_MARGIN:g})."
-                )
-            else:
-                text.append(f"The next best, {rival.candidate}, has a BIC {lead:.4g} higher.")
+        return text
+    if d.misfit_limited:
+        return [f"{best.candidate} approximates this surface, not to within its noise {quality}."]
+    return [f"{best.candidate} describes this surface to within its noise {quality}."]
+
+
+def _rival(results: Sequence[FitResult]) -> list[str]:
+    best = results[0]
+    if len(results) == 1 or best.bic is None or results[1].bic is None:
+        return []
+    rival, lead = results[1], results[1].bic - best.bic
+    if lead >= 0.0:
+        return [f"The next best, {rival.candidate}, has a BIC {lead:.3g} higher."]
+    more = rival.n_parameters - best.n_parameters
+    plural = "s" if more > 1 else ""
+    needed = f"{BIC_MARGIN:g} would be needed"
+    return [
+        f"{rival.candidate} has {more} parameter{plural} more; its BIC is {-lead:.2g} lower, {needed}."
+    ]
+
+
+def _doubts(results: Sequence[FitResult]) -> list[str]:
+    best = results[0]
+    d, text = best.diagnostics, []
+    if d.misfit_limited:
+        text.append(
+            f"The fit is misfit-limited: {d.misfit_reason}; real errors are larger than stated."
+        )
+    if 0 < d.outliers.count <= FEW * d.samples:
+        several = d.outliers.count > 1
+        text.append(
+            f"{d.outliers.count} value{'s lie' if several else ' lies'} far outside the scatter "
+            f"of the others and should be checked: {d.outliers.examples[0]}."
+        )
+    if not best.plausibility.conserves_energy:
+        largest = max(best.plausibility.albedo_max)
+        over = sum(not r.plausibility.conserves_energy for r in results)
+        if 2 * over > len(results):
+            unit = "percent, a factor pi" if largest > 10.0 else "a factor pi"
+            advice = (
+                f"so do {over} of {len(results)} candidates: check the quantity ({unit}, a cosine)"
+            )
+        else:
+            advice = "trust the model at the measured angles only"
+        text.append(
+            f"Its directional albedo reaches {largest:.3g}, which no passive surface has; {advice}."
+        )
+    return text
+
+
+def _data(m: Measurement, best: FitResult, described: bool, metric: str) -> list[str]:
+    d, text = best.diagnostics, []
     if metric == "log" and d.log10_excluded:
         text.append(
             f"{d.log10_excluded} of {d.log10_count + d.log10_excluded} values are not positive "
             "and have no logarithm: they were left out."
         )
-    if d.misfit_limited:
+    if metric == "chi2" and not best.noise.given:
+        text.append("No sigma is given: one constant noise per channel was assumed.")
+    if metric == "relative" and not described and m.decades > WIDE:
         text.append(
-            f"The fit is misfit-limited: {d.misfit_reason}; its errors are first order only."
+            f"The data span {m.decades:.1f} decades: the metric log weighs them evenly; grazing "
+            "angles may be left out (--max-theta)."
         )
-    if not best.plausibility.conserves_energy:
-        worst = max(best.plausibility.albedo_max)
-        text.append(
-            f"Its directional albedo reaches {worst:.3g}, more than it receives: check the "
-            "quantity (a factor pi or a cosine) or trust only the measured angles."
-        )
-    return " ".join(text)
+    return text

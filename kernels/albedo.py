@@ -22,7 +22,13 @@ from lobefit.kernels.library import Model, get_model
 from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
 from lobefit.kernels.program import ModelProgram, model_program
 
-__all__ = ["HemisphereGrid", "basis_albedo", "coarse_grid", "directional_albedo"]
+__all__ = [
+    "HemisphereGrid",
+    "azimuth_refinement",
+    "basis_albedo",
+    "coarse_grid",
+    "directional_albedo",
+]
 
 Array = NDArray[np.float64]
 
@@ -86,10 +92,33 @@ class HemisphereGrid:
         )
 
 
-@lru_cache(maxsize=32)
-def coarse_grid(device: Device, theta_i: float, phi_i: float) -> HemisphereGrid:
-    """Give a grid good to three digits, kept for the next model (1 MB each)."""
-    return HemisphereGrid(device, theta_i, phi_i, order=4, azimuths=64)
+@lru_cache(maxsize=64)
+def coarse_grid(device: Device, theta_i: float, phi_i: float, refine: int = 1) -> HemisphereGrid:
+    """Give a grid good to three digits, kept for the next model (1 MB each times `refine`)."""
+    return HemisphereGrid(device, theta_i, phi_i, order=4, azimuths=64 * refine)
+
+
+def azimuth_refinement(model: Model, x: Array) -> int:
+    """Tell how many times more azimuths a lobe needs that is narrow in azimuth.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    x : ndarray, shape (n_x,)
+        Its nonlinear parameters.
+
+    Returns
+    -------
+    int
+        A power of two, 1 for isotropic models and axis ratios up to 4.
+    """
+    if model.lobe.axes is None:
+        return 1
+    names = [p.name for p in model.nonlinear]
+    wide, narrow = (float(x[names.index(name)]) for name in model.lobe.axes[:2])
+    ratio = max(wide / narrow, narrow / wide)
+    return int(2 ** np.ceil(np.log2(np.clip(ratio / 4.0, 1.0, 32.0))))
 
 
 def basis_albedo(program: ModelProgram, grid: HemisphereGrid, x: Array) -> Array:
@@ -152,10 +181,7 @@ def directional_albedo(
     ):
         raise ModelError("the albedo needs theta_i in radians, from 0 to below pi/2")
     opened = get_device(device)
-    azimuths = 256
-    if known.lobe.axes is not None:  # a lobe that is narrow in azimuth needs more of them
-        wide, narrow = (float(full[name][0]) for name in known.lobe.axes[:2])
-        azimuths *= int(np.clip(max(wide / narrow, narrow / wide) / 8.0, 1, 16))
+    azimuths = 256 * max(azimuth_refinement(known, x[0]) // 2, 1)
     columns = []
     for theta in angles:
         grid = HemisphereGrid(opened, float(theta), float(phi_i), azimuths=azimuths)

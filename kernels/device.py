@@ -53,8 +53,10 @@ class DeviceInfo:
     double: bool
 
     def __str__(self) -> str:
-        """One line for people."""
-        return f"{self.name} ({self.platform}, {self.version})"
+        """One short line for people: device, runtime and its version."""
+        runtime = self.version.partition("PoCL ")[2].split(" ")[0]
+        version = f"PoCL {runtime}" if runtime else f"{self.platform} {self.version}"
+        return f"{self.name} ({version})"
 
 
 def _opencl() -> Any:
@@ -148,6 +150,10 @@ def _preference(info: DeviceInfo) -> tuple[bool, bool, list[int], str]:
     return (info.kind != "cpu", "PoCL" not in info.version, newest_first, info.id)
 
 
+def _searchable(info: DeviceInfo) -> str:
+    return f"{info.name} {info.platform} {info.version} {info.kind}"
+
+
 def _select(spec: str | None) -> tuple[DeviceInfo, cl.Device]:
     found = _all_devices()
     if not found:
@@ -156,7 +162,7 @@ def _select(spec: str | None) -> tuple[DeviceInfo, cl.Device]:
     if spec:
         exact = [pair for pair in found if pair[0].id == spec]
         matches = exact or [
-            pair for pair in found if spec.casefold() in f"{pair[0]} {pair[0].kind}".casefold()
+            pair for pair in found if spec.casefold() in _searchable(pair[0]).casefold()
         ]
         if not matches:
             raise DeviceError(f"no OpenCL device matches {spec!r}; there are: {listed}")

@@ -24,7 +24,7 @@ from typing import Literal
 
 from lobefit.kernels.errors import ModelError
 
-__all__ = ["Lobe", "Model", "Parameter", "Reference", "Variant", "get_model", "models"]
+__all__ = ["SETS", "Lobe", "Model", "Parameter", "Reference", "Variant", "get_model", "models"]
 
 # Imported now, so that the package lobefit.kernels.models cannot take the place of
 # the function `models` in lobefit.kernels later.

@@ -14,7 +14,7 @@ from importlib.resources import files
 from lobefit.kernels.errors import ModelError
 from lobefit.kernels.library import Lobe, Model
 
-__all__ = ["ModelProgram", "build_options", "model_program", "shared_text"]
+__all__ = ["BLOCK", "ModelProgram", "build_options", "model_program", "shared_text"]
 
 # Directions a work-item handles before it adds its partial sums up in double:
 # few enough that single precision partial sums keep their digits.

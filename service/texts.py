@@ -8,6 +8,7 @@ from typing import Any
 
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.report import FitReport
+from lobefit.fitting.result import FitResult
 from lobefit.fitting.tables import aligned, cautions, parameters
 from lobefit.kernels import Model, get_model
 
@@ -59,6 +60,7 @@ def result_lines(report: FitReport) -> Iterator[str]:
     yield wrapped(f"  {lobe.convention}", "  ")
     for line in parameters(best).splitlines():
         yield f"  {line}"
+    yield wrapped(f"  {noise_line(best)}", "  ")
     warnings = cautions(best)
     if warnings:
         yield "\nBeware"
@@ -69,6 +71,25 @@ def result_lines(report: FitReport) -> Iterator[str]:
         for text in best.diagnostics.worst:
             yield wrapped(f"  - {text}", "    ")
     yield "\n" + wrapped(f"metric {report.metric}, {report.seconds:.2g} s on {best.stop.device}")
+
+
+def noise_line(result: FitResult) -> str:
+    """Say which noise the residuals were weighed with."""
+    noise = result.noise
+    if noise.given:
+        reduced = result.diagnostics.reduced_chi_square
+        return f"noise: the given sigma; reduced chi-square {reduced:.3g}"
+    if result.bic is None:
+        return "noise: not estimated with this metric"
+    scales = [
+        f"{100 * r:.2g} % of the value and {a:.2g} 1/sr" if r else f"{a:.2g} 1/sr"
+        for r, a in zip(noise.relative, noise.additive, strict=True)
+    ]
+    if len(scales) == 1:
+        return f"noise found: {scales[0]}"
+    shown = [f"{c} {s}" for c, s in zip(result.channels, scales, strict=True)]
+    rest = f"; {len(shown) - 3} more in the report" if len(shown) > 3 else ""
+    return f"noise found: {'; '.join(shown[:3])}{rest}"
 
 
 def model_list(models: Iterable[Model]) -> str:

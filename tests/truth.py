@@ -45,7 +45,7 @@ def deviations(result: FitResult, truth: Truth) -> dict[str, float]:
         turn = period[estimate.name]
         if turn:
             difference = math.remainder(difference, turn)
-        if estimate.status == "fixed":
+        if estimate.status in ("fixed", "tied"):
             assert difference == 0, label(estimate)
             continue
         error = estimate.standard_error

@@ -40,7 +40,7 @@ __all__ = ["LOBE"]
 LOBE = Lobe(
     name="cook_torrance",
     title="Cook-Torrance: Beckmann, V-cavity, Schlick",
-    convention="N = 4, normalised D: k_s D G F / (4 n_i n_o)",
+    convention="N = 4, normalised D: k_s D G F / (4 cos_theta_i cos_theta_o)",
     source="Cook & Torrance 1982; Walter et al. 2007, eq. 20, 25",
     energy="conserves energy for k_d + k_s <= 1",
     parameters=(

@@ -44,7 +44,7 @@ __all__ = ["LOBE"]
 LOBE = Lobe(
     name="ggx",
     title="GGX (Trowbridge-Reitz), Smith, Schlick",
-    convention="N = 4, normalised D: k_s D G F / (4 n_i n_o)",
+    convention="N = 4, normalised D: k_s D G F / (4 cos_theta_i cos_theta_o)",
     source="Walter et al. 2007, eq. 20, 33; Heitz 2014, eq. 99",
     energy="conserves energy for k_d + k_s <= 1",
     parameters=(

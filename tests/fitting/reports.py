@@ -14,6 +14,7 @@ from lobefit.fitting.result import (
     Diagnostics,
     FitResult,
     NoiseScales,
+    Outliers,
     ParameterEstimate,
     Plausibility,
     StopReport,
@@ -110,6 +111,7 @@ def hand_made_result(m: Measurement, name: str, params: Params, **changes: Any) 
             misfit_limited=False,
             misfit_reason="",
             worst=(),
+            outliers=Outliers(0, ()),
         ),
         "plausibility": Plausibility(
             albedo_max=(0.91,) * m.n_channels,

@@ -93,12 +93,15 @@ def test_lines_do_not_touch() -> None:
     assert time_of(m, constant) > 1.5
 
 
-def test_scattered_points_are_independent() -> None:
+def test_scattered_points_are_followed_from_neighbour_to_neighbour() -> None:
+    """They form no scan lines; noise is independent there too, and a misfit is not."""
     rng = np.random.default_rng(5)
     theta = np.degrees(np.arccos(rng.uniform(0.2, 1, (2, 2000))))
     phi = rng.uniform(0, 360, (2, 2000))
     m = directions(theta[0], phi[0], theta[1], phi[1])
-    assert time_of(m, np.ones(2000)) == 1.0  # there is no line along which to tell
+    assert time_of(m, rng.standard_normal(2000)) == 1.0
+    misfit = np.cos(4.0 * m.theta_i) * np.cos(4.0 * m.theta_o)
+    assert time_of(m, misfit) > 2.0
 
 
 @pytest.mark.parametrize("name", ["in-plane", "in-plane azimuths=0,30,60,90", "hemisphere"])

@@ -189,5 +189,5 @@ def test_a_ratio_from_above_zero_is_refused() -> None:
         replace(p, bounds=(0.02, 1.0)) if p.name == "F0" else p for p in ggx.lobe.parameters
     )
     lobe = replace(ggx.lobe, parameters=parameters)
-    with pytest.raises(ModelError, match="F0 needs the lower bound 0"):
-        coordinates(Candidate("glass", Model("glass", lobe, (ggx.terms[0], lobe), "")))
+    with pytest.raises(ModelError, match="has a ratio whose lower bound is not 0"):
+        lobe.check()

@@ -48,7 +48,7 @@ def estimate(result: FitResult, name: str) -> ParameterEstimate:
 
 
 def free(result: FitResult) -> list[ParameterEstimate]:
-    return [e for e in result.estimates if e.status != "fixed"]
+    return [e for e in result.estimates if e.status not in ("fixed", "tied")]
 
 
 def jacobian(result: FitResult, m: Measurement) -> Array:
