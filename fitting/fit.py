@@ -263,6 +263,8 @@ def fit(
         seconds=time.perf_counter() - began,
         settings={
             "models": models if isinstance(models, str) else list(models),
+            "candidates": [c.name for c in wanted],
+            "margin": BIC_MARGIN if results[0].bic is not None else RMS_MARGIN,
             "metric": metric,
             "options": dict(options or {}),
             "device": dataset.device.info.id,

@@ -119,7 +119,8 @@ def fit(
         report = fit_models(
             measurement, models=models, metric=metric, device=device, progress=progress
         )
-    report = replace(report, settings={**report.settings, "sha256": digest})
+    added = {"sha256": digest} | ({} if max_theta is None else {"max_theta_deg": max_theta})
+    report = replace(report, settings={**report.settings, **added})
     written = {} if out is None else report.save(out)
     if as_json:
         typer.echo(to_json(report.to_dict()))
