@@ -300,44 +300,6 @@ def test_noise_twice_the_signal_is_noise_and_no_misfit() -> None:
     assert max(map(abs, z)) < 3.5  # one in 100 for twenty draws
 
 
-def test_a_black_channel_is_refused_by_name() -> None:
-    """As the reader refuses it in a file."""
-    m = simulate("ggx", {**GLOSSY, "k_d": [0.2, 0.3]}, SCAN, (0.02, 1e-3), seed=9)
-    values = m.values.copy()
-    values[1] = 0.0
-    with pytest.raises(MeasurementError, match="no value above zero") as caught:
-        fit(replace(m, values=values), ["ggx"])
-    assert caught.value.column == m.channels[1]
-
-
-def test_a_path_is_not_a_measurement() -> None:
-    with pytest.raises(MeasurementError, match="read a file with read_measurement first"):
-        fit("samples/glossy_plastic.csv")  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("factor", [1e4, 1e6])
-def test_one_wrong_reading_is_named(factor: float) -> None:
-    m = simulate("ggx", GLOSSY, SCAN, (0.02, 1e-3), seed=1)
-    values = m.values.copy()
-    row = int(np.argmin(np.abs(m.theta_o - 1.0)))
-    values[0, row] *= factor
-    found = fit(replace(m, values=values), ["ggx"])
-    assert found.best.diagnostics.outliers.count == 1
-    assert (
-        f"theta_o {np.degrees(m.theta_o[row]):.4g}°" in found.best.diagnostics.outliers.examples[0]
-    )
-    assert "1 value lies far outside the scatter of the others" in found.verdict
-
-
-def test_an_undone_reweighing_leaves_errors_of_the_weights_in_force() -> None:
-    """Whenever the noise is estimated the objective is about the degrees of freedom."""
-    m = simulate("ggx", {**GLOSSY, "alpha": 0.02}, SCAN, (0.02, 1e-3), seed=3)
-    for result in fit(m).results:
-        dof = result.diagnostics.samples - result.n_parameters
-        # Gross misfits are weighed by capped levels, and rounds end before the last digit.
-        assert 0.5 < result.objective / dof < 2.0, result.candidate
-
-
 def test_two_lobes_are_described_by_no_candidate() -> None:
     narrow = {"k_d": 0.0, "k_s": 1.0, "F0": 0.3, "alpha": 0.03}
     broad = {"k_d": 0.0, "k_s": 1.0, "F0": 0.5, "alpha": 0.5}
