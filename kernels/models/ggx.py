@@ -35,9 +35,8 @@ Fresnel term divided out), and 50-digit arithmetic.
 
 from __future__ import annotations
 
-import math
-
 from lobefit.kernels.library import Lobe, Parameter, Reference, Variant
+from lobefit.kernels.shared_parameters import F0, K_S
 
 __all__ = ["LOBE"]
 
@@ -48,24 +47,8 @@ LOBE = Lobe(
     source="Walter et al. 2007, eq. 20, 33; Heitz 2014, eq. 99",
     energy="conserves energy for k_d + k_s <= 1",
     parameters=(
-        Parameter(
-            name="k_s",
-            unit="1",
-            meaning="strength of the lobe",
-            bounds=(0.0, math.inf),
-            default=1.0,
-            linear=True,
-            per_channel=True,
-        ),
-        Parameter(
-            name="F0",
-            unit="1",
-            meaning="Fresnel reflectance at normal incidence",
-            bounds=(0.0, 1.0),
-            default=0.04,
-            linear=True,
-            per_channel=True,
-        ),
+        K_S,
+        F0,
         Parameter(
             name="alpha",
             unit="1",

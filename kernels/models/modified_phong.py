@@ -26,9 +26,8 @@ for n = 1, 10, 100) and 50-digit arithmetic.
 
 from __future__ import annotations
 
-import math
-
 from lobefit.kernels.library import Lobe, Parameter, Reference
+from lobefit.kernels.shared_parameters import K_S
 
 __all__ = ["LOBE"]
 
@@ -39,15 +38,7 @@ LOBE = Lobe(
     source="Lewis 1993; Lafortune & Willems 1994, eq. 9",
     energy="conserves energy for k_d + k_s <= 1",
     parameters=(
-        Parameter(
-            name="k_s",
-            unit="1",
-            meaning="strength of the lobe",
-            bounds=(0.0, math.inf),
-            default=1.0,
-            linear=True,
-            per_channel=True,
-        ),
+        K_S,
         Parameter(
             name="n",
             unit="1",

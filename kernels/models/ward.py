@@ -33,6 +33,7 @@ from __future__ import annotations
 import math
 
 from lobefit.kernels.library import Lobe, Parameter, Reference, Variant
+from lobefit.kernels.shared_parameters import K_S
 
 __all__ = ["LOBE"]
 
@@ -43,15 +44,7 @@ LOBE = Lobe(
     source="Ward 1992, eq. 4",
     energy="no bound on k_d + k_s conserves it at grazing: the lobe diverges above about 89 degrees",
     parameters=(
-        Parameter(
-            name="k_s",
-            unit="1",
-            meaning="strength of the lobe",
-            bounds=(0.0, math.inf),
-            default=1.0,
-            linear=True,
-            per_channel=True,
-        ),
+        K_S,
         Parameter(
             name="alpha_x",
             unit="1",
