@@ -294,7 +294,9 @@ def _legend(body: SubFigure, channels: list[str], colours: list[str], *, maps: b
     if maps:
         ring: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5}
         entries.append(
-            Line2D([], [], color=DARK, markerfacecolor="none", label="the same on a map", **ring)
+            Line2D(
+                [], [], color=DARK, markerfacecolor="none", label="mirror direction (maps)", **ring
+            )
         )
     if not single:
         entries += [

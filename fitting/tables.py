@@ -169,8 +169,10 @@ def _label(e: ParameterEstimate, result: FitResult) -> str:
 
 
 def _value(e: ParameterEstimate) -> str:
+    if e.status == "undetermined":
+        return f"{e.value:.2g} (undetermined)"
     text = with_error(e.value, e.standard_error)
-    marks = {"free": "", "fixed": " (held)", "tied": " (tied)", "undetermined": " (undetermined)"}
+    marks = {"free": "", "fixed": " (held)", "tied": " (tied)"}
     return text + marks.get(e.status, f" ({e.status} bound)")
 
 
