@@ -245,8 +245,15 @@ class Device:
         key = (source, name, options)
         if key not in kernels:
             program = self._program(source, options)
-            with opencl_errors(f"making the kernel {name}"):
-                kernels[key] = _opencl().Kernel(program, name)
+            cl = _opencl()
+            try:
+                kernels[key] = cl.Kernel(program, name)
+            except cl.Error as error:
+                # A process killed while compiling can leave half a program in PoCL's cache.
+                raise DeviceError(
+                    f"the compiled program has no kernel {name} ({error}); the runtime's cache may "
+                    "be damaged: delete ~/.cache/pocl (or POCL_CACHE_DIR) and try again"
+                ) from error
         return kernels[key]
 
     def _program(self, source: str, options: tuple[str, ...]) -> Any:
