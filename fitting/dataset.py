@@ -12,7 +12,7 @@ from lobefit.fitting.diagnostics import regions
 from lobefit.fitting.measurement import Measurement
 from lobefit.kernels import Device
 from lobefit.kernels.geometry import Directions, Precision
-from lobefit.kernels.sums import Metric, Observations
+from lobefit.kernels.sums import Metric, Observations, transform
 
 __all__ = ["METRICS", "Dataset"]
 
@@ -68,7 +68,7 @@ class Dataset:
         uploaded: dict[int, Directions] = {}
 
         def observe(
-            chosen: NDArray[np.intp] | None, transform: Metric, weights: Array
+            chosen: NDArray[np.intp] | None, residual_metric: Metric, weights: Array
         ) -> Observations:
             size = m.n_directions if chosen is None else len(chosen)
             # A slice, not an index, where it is all of them: no copies of a million rows.
@@ -76,16 +76,18 @@ class Dataset:
             if size not in uploaded:
                 i, o = (m.theta_i[rows], m.phi_i[rows]), (m.theta_o[rows], m.phi_o[rows])
                 uploaded[size] = Directions(device, *i, *o, precision=self.precision)
-            return Observations(uploaded[size], m.values[:, rows], weights[:, rows], transform)
+            return Observations(
+                uploaded[size], m.values[:, rows], weights[:, rows], residual_metric
+            )
 
-        transform = METRICS[metric]
-        ones = start if transform == "identity" else np.ones_like(start)
-        self.full = observe(None, transform, ones)
+        own = METRICS[metric]
+        ones = start if own == "identity" else np.ones_like(start)
+        self.full = observe(None, own, ones)
         half_angle = -self.full.directions.plane("log2_cos_h")
         self.search_rows = thinned(half_angle, SEARCH_ROWS)
         self.scan_rows = self.search_rows[thinned(half_angle[self.search_rows], SCAN_ROWS)]
         same = len(self.search_rows) == m.n_directions
-        self.search = self.full if same else observe(self.search_rows, transform, ones)
+        self.search = self.full if same else observe(self.search_rows, own, ones)
         self.scan = observe(self.scan_rows, "identity", start)
         self.used = self.full.used
         self.present = np.isfinite(m.values) & self.full.directions.visible
@@ -135,6 +137,14 @@ class Dataset:
         # For the start only: relative weights of the measured value with a floor.
         weights: Array = np.nan_to_num(1.0 / (size**2 + floor**2))
         return weights
+
+    def residuals(self, fitted: Array) -> Array:
+        """Give measured minus fitted, shape (C, N), both transformed by the metric."""
+        metric, measured = METRICS[self.metric], self.measurement.values
+        if metric == "identity":
+            return measured - fitted
+        safe = np.where(self.used, measured, 1.0)
+        return transform(safe, metric) - transform(np.maximum(fitted, 1e-300), metric)
 
     def set_weights(self, weights: Array) -> None:
         """Replace the weights of all rows, shape (C, N)."""

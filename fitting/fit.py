@@ -61,17 +61,11 @@ class _Judged:
 
 
 def _judge(dataset: Dataset, point: PointFit) -> _Judged:
-    measured, used = dataset.measurement.values, dataset.used
+    residuals, deviance = dataset.residuals(point.values), None
     if METRICS[dataset.metric] == "identity":
-        residuals = measured - point.values
-        deviance = gaussian_deviance(residuals, point.sigma**2, used)
-    else:
-        safe = np.where(used, measured, 1.0)
-        floor = np.maximum(point.values, 1e-300)
-        transform = np.log if dataset.metric == "log" else np.cbrt
-        residuals, deviance = transform(safe) - transform(floor), None
+        deviance = gaussian_deviance(residuals, point.sigma**2, dataset.used)
     residuals /= point.sigma
-    residuals[~used] = np.nan
+    residuals[~dataset.used] = np.nan
     return _Judged(point, deviance, dataset.scans.autocorrelation_time(residuals), residuals)
 
 
@@ -113,7 +107,7 @@ def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics
     )
 
 
-def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: str) -> FitResult:
+def _result(dataset: Dataset, judged: _Judged, correlation: float) -> FitResult:
     """Assemble the result; `correlation` is the time that all candidates share."""
     m, point = dataset.measurement, judged.fit
     problem, polished = point.problem, point.polished
@@ -154,7 +148,7 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float, precision: st
             seconds=point.seconds,
             converged=polished.converged,
             device=str(dataset.device.info),
-            precision=precision,
+            precision=dataset.precision,
         ),
         diagnostics=diagnostics,
         plausibility=plausibility(problem, polished.t, polished.c),
@@ -304,7 +298,7 @@ def _ranked(dataset: Dataset, judged: list[_Judged]) -> list[FitResult]:
         correlation = min(likely, key=lambda j: j.deviance or 0.0).correlation
     else:
         correlation = min(judged, key=lambda j: j.fit.polished.value).correlation
-    results = [_result(dataset, j, correlation, dataset.precision) for j in judged]
+    results = [_result(dataset, j, correlation) for j in judged]
     sizes = [r.n_parameters for r in results]
     if likely:
         scores = [r.bic if r.bic is not None else np.inf for r in results]

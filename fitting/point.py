@@ -16,7 +16,6 @@ from lobefit.fitting.problem import Problem
 from lobefit.fitting.reweigh import Weighed, fit_with_noise
 from lobefit.fitting.valley import descend, starts
 from lobefit.kernels import Candidate, FitError, MeasurementError
-from lobefit.kernels.sums import transform
 
 __all__ = ["PointFit", "fit_point"]
 
@@ -158,10 +157,7 @@ def _check_enough(candidate: Candidate, dataset: Dataset, n_parameters: int) -> 
 def _meat(problem: Problem, point: Polished, values: Array) -> Array:
     """Sum w^2 r^2 J J^T at a point; the weights of these metrics are 1."""
     dataset = problem.dataset
-    metric = METRICS[dataset.metric]
-    measured = np.where(dataset.used, dataset.measurement.values, 1.0)
-    residuals = transform(measured, metric) - transform(np.maximum(values, 1e-300), metric)
-    dataset.set_weights(residuals**2)
+    dataset.set_weights(dataset.residuals(values) ** 2)
     return sums_at(problem, point.t, point.c)[1].matrix
 
 

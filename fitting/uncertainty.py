@@ -90,6 +90,14 @@ def _linear_jacobian(problem: Problem, c: Array, name: str) -> Array:
     return jacobian
 
 
+def _linear_variances(problem: Problem, c: Array, covariance: Array, n: int, name: str) -> Array:
+    """Give the variance of a linear parameter in each channel, shape (C,)."""
+    per_d = _linear_jacobian(problem, c, name)
+    size = per_d.shape[1]
+    parts = (slice(n + k * size, n + (k + 1) * size) for k in range(len(c)))
+    return np.array([J @ covariance[p, p] @ J for J, p in zip(per_d, parts, strict=True)])
+
+
 def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -> Estimates:
     """Give the parameters with first-order standard errors.
 
@@ -118,15 +126,12 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     # firmness to its scale (k_s): there the bound is crossed for both.
     ratios = [names for names in model.coefficients if len(names) == 2]
     for scale_name, name in ratios:
-        per_d = _linear_jacobian(problem, point.c, name)
         span = next(p.bounds[1] - p.bounds[0] for p in model.linear if p.name == name)
-        for channel in range(count):
-            part = slice(n + channel * size, n + (channel + 1) * size)
-            J = per_d[channel]
-            variance = variance_scale * float(J @ crossing[part, part] @ J)
-            if not variance < (KNOWS_NOTHING * span) ** 2:
-                alone = _linear_jacobian(problem, point.c, scale_name)[channel]
-                inside[channel] |= (J != 0.0) | (alone != 0.0)
+        variances = variance_scale * _linear_variances(problem, point.c, crossing, n, name)
+        concerned = (_linear_jacobian(problem, point.c, name) != 0.0) | (
+            _linear_jacobian(problem, point.c, scale_name) != 0.0
+        )
+        inside |= concerned & ~(variances < (KNOWS_NOTHING * span) ** 2)[:, None]
     held = _sandwich(_joint_covariance(point.curvature, n, inside), fit.meat, n)
     vague = _vague_scales(problem, point.c, held, n, variance_scale)
 
@@ -182,17 +187,11 @@ def _vague_scales(
     What is divided by such a scale has no first-order error that means anything.
     """
     products = problem.candidate.model.coefficients
-    size = problem.coordinates.T.shape[1]
     found = {}
     for scale_name in {names[0] for names in products if len(names) == 2}:
-        k = products.index((scale_name,))
-        per_d = _linear_jacobian(problem, c, scale_name)
-        variances = []
-        for channel in range(len(c)):
-            part = slice(n + channel * size, n + (channel + 1) * size)
-            variances.append(float(per_d[channel] @ held[part, part] @ per_d[channel]))
+        variances = _linear_variances(problem, c, held, n, scale_name)
         error = np.sqrt(variance_scale * np.maximum(variances, 0.0))
-        found[scale_name] = ~(3.0 * error < c[:, k])
+        found[scale_name] = ~(3.0 * error < c[:, products.index((scale_name,))])
     return found
 
 

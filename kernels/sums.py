@@ -82,7 +82,6 @@ class Observations:
         smallest = np.min(np.abs(values), where=self.used & (values != 0.0), initial=1.0)
         self.tiny = float(1e-6 * smallest + 1e-30)
         flags = cl.mem_flags
-        self._flags = flags
         size = self.channels * directions.padded * directions.dtype.itemsize
         with opencl_errors("uploading a measurement"):
             self.values = cl.Buffer(directions.device.context, flags.READ_ONLY, size)
