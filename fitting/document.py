@@ -132,7 +132,7 @@ def _extreme(of: Any, values: np.ndarray[Any, Any]) -> float | None:
 
 
 def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
-    lobe = get_model(r.model).lobe
+    model = get_model(r.model, r.options)
     plausibility = dataclasses.asdict(r.plausibility)
     where = plausibility.pop("albedo_max_theta_i")
     plausibility["albedo_max_theta_i_deg"] = [math.degrees(theta) for theta in where]
@@ -140,9 +140,9 @@ def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
         "rank": rank,
         "candidate": r.candidate,
         "model": r.model,
-        "title": lobe.title,
-        "convention": lobe.convention,
-        "formula_source": lobe.source,
+        "title": model.title,
+        "convention": model.convention,
+        "formula_source": model.source,
         "options": dict(r.options),
         "channels": list(r.channels),
         "params": r.params,

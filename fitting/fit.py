@@ -124,7 +124,7 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float) -> FitResult:
     return FitResult(
         model=problem.candidate.model.name,
         candidate=problem.candidate.name,
-        options=dict(problem.program.options),
+        options=problem.candidate.model.options,
         channels=m.channels,
         params=found.params,
         estimates=found.rows,
@@ -233,9 +233,9 @@ def fit(
             if progress is not None:
                 progress(done, len(wanted), candidate.name)
             try:
-                chosen = _options_of(candidate, options)
-                judged.append(_judge(dataset, fit_point(candidate, dataset, chosen)))
-            except (DeviceError, FitError, MeasurementError) as error:
+                chosen = candidate.choose(options or {})
+                judged.append(_judge(dataset, fit_point(chosen, dataset)))
+            except (DeviceError, FitError, MeasurementError, ModelError) as error:
                 failed.append(FailedFit(candidate.name, str(error)))
                 if not judged and candidate is wanted[-1]:
                     raise
@@ -279,17 +279,12 @@ def _check_channels(m: Measurement) -> None:
 
 def _check_options(wanted: list[Candidate], options: Mapping[str, str] | None) -> None:
     """Raise a `ModelError` for an option that no candidate has."""
-    known = {key for c in wanted for term in c.model.terms for key in term.options}
+    known = {key for c in wanted for key in c.model.allowed}
     for key in options or {}:
         if key not in known:
             raise ModelError(
                 f"no candidate has the option {key!r}; there are: {', '.join(sorted(known)) or 'none'}"
             )
-
-
-def _options_of(candidate: Candidate, options: Mapping[str, str] | None) -> dict[str, str]:
-    known = {key for term in candidate.model.terms for key in term.options}
-    return {key: value for key, value in (options or {}).items() if key in known}
 
 
 def _ranked(dataset: Dataset, judged: list[_Judged]) -> list[FitResult]:

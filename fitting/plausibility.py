@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.result import Plausibility
 from lobefit.kernels.albedo import azimuth_refinement, basis_albedo, coarse_grid
-from lobefit.kernels.evaluate import basis_values
 from lobefit.kernels.geometry import Directions
 
 __all__ = ["plausibility"]
@@ -34,7 +33,8 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
     c : ndarray, shape (C, K)
         Its coefficients.
     """
-    x = problem.parameters(t)[None, :]
+    x = np.atleast_2d(problem.parameters(t, c))
+    coefficients = c[:, : problem.program.n_basis]
     device = problem.dataset.device
     refine = azimuth_refinement(problem.candidate.model, x[0])
     azimuths = (
@@ -44,7 +44,10 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
         [
             np.max(
                 [
-                    c @ basis_albedo(problem.program, coarse_grid(device, theta, phi, refine), x)[0]
+                    (
+                        coefficients
+                        * basis_albedo(problem.program, coarse_grid(device, theta, phi, refine), x)
+                    ).sum(axis=1)
                     for phi in azimuths
                 ],
                 axis=0,
@@ -65,14 +68,13 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
         )
     )
     zero = np.zeros_like(theta_i)
-    forward, backward = (
-        basis_values(problem.program, directions, x)[0]
+    f, g = (
+        problem.values_at(directions, t, c)
         for directions in (
             Directions(device, theta_i, zero, theta_o, phi_o),
             Directions(device, theta_o, phi_o, theta_i, zero),
         )
     )
-    f, g = c @ forward, c @ backward
     total = f + g
     error = np.abs(f - g) / np.where(total > 0.0, total, 1.0)
     worst = float(error.max(initial=0.0))

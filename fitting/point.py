@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,9 +59,7 @@ class PointFit:
     seconds: float
 
 
-def fit_point(
-    candidate: Candidate, dataset: Dataset, options: Mapping[str, str] | None = None
-) -> PointFit:
+def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
     """Fit one candidate.
 
     Parameters
@@ -71,8 +68,6 @@ def fit_point(
         What to fit.
     dataset : Dataset
         To what; its weights are changed.
-    options : mapping of str to str, optional
-        Pieces the model is compiled with.
 
     Returns
     -------
@@ -86,7 +81,7 @@ def fit_point(
         No finite objective anywhere.
     """
     began = time.perf_counter()
-    problem = Problem(candidate, dataset, options)
+    problem = Problem(candidate, dataset)
     channels = dataset.measurement.n_channels
     n_parameters = candidate.n_parameters(channels)
     samples = int(dataset.used.sum())
@@ -114,6 +109,8 @@ def fit_point(
         algorithm.append("noise and fit in turn")
         if weighed.gross:
             algorithm.append("again from a fit of the logarithm")
+    if _switched(problem, polished.t):
+        polished = polish(problem, *_switch(problem, polished.t, polished.c), dof)
     values = problem.values(polished.t, polished.c)
     return PointFit(
         problem=problem,
@@ -128,6 +125,33 @@ def fit_point(
         reason=f"{polished.reason} (NLopt: {found.reason})",
         seconds=time.perf_counter() - began,
     )
+
+
+def _switched(problem: Problem, t: Array) -> bool:
+    """Tell whether two lobes of one kind stand in the wrong order."""
+    ordered = problem.candidate.model.ordered
+    names = [p.name for p in problem.candidate.shared]
+    if ordered is None or not set(ordered) <= set(names):
+        return False
+    first, second = (t[names.index(name)] for name in ordered)
+    return bool(first > second)
+
+
+def _switch(problem: Problem, t: Array, c: Array) -> tuple[Array, Array]:
+    """Exchange the parameters of two lobes of one kind."""
+
+    def other(name: str) -> str:
+        return {"_1": f"{name[:-2]}_2", "_2": f"{name[:-2]}_1"}.get(name[-2:], name)
+
+    def exchange(names: list[str]) -> list[int]:
+        return [names.index(other(name)) for name in names]
+
+    products = ["*".join(names) for names in problem.candidate.model.coefficients]
+    swapped = ["*".join(other(n) for n in p.split("*") if n) for p in products]
+    k = problem.program.n_basis
+    rows = [products.index(name) for name in swapped]
+    own = [k + j for j in exchange([p.name for p in problem.candidate.own])]
+    return t[exchange([p.name for p in problem.candidate.shared])], c[:, [*rows, *own]]
 
 
 def _check_enough(candidate: Candidate, dataset: Dataset, n_parameters: int) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.problem import Problem
-from lobefit.kernels.sums import normal_equations
 
 __all__ = ["Curvature", "Polished", "eliminate", "polish", "sums_at"]
 
@@ -60,13 +59,8 @@ class Polished:
 
 def sums_at(problem: Problem, t: Array, c: Array) -> tuple[float, Curvature]:
     """Give the objective and its curvature at a point, with the weights in force."""
-    steps = problem.steps(t) if len(t) else None
-    x = problem.parameters(t)[None, :]
-    sums = normal_equations(problem.program, problem.dataset.full, x, c[None], steps)
-    problem.evaluations += 1
-    L = problem.column_map(t, c)
-    if steps is None:
-        L = L[:, :, : problem.program.n_basis]
+    sums = problem.sums(problem.dataset.full, t, c, derivatives=bool(problem.candidate.searched))
+    L = problem.column_map(t, c)[:, :, : sums.rhs.shape[2]]
     matrix = L @ sums.gram[0] @ L.transpose(0, 2, 1)
     gradient = np.einsum("cam,cm->ca", L, sums.rhs[0])
     return float(sums.chi_square.sum()), Curvature(matrix, gradient)
@@ -174,6 +168,9 @@ def polish(problem: Problem, t: Array, c: Array, dof: int) -> Polished:
         if promised <= max(GAIN * GAIN * value / dof, rounding * abs(value)):
             return Polished(t, c, value, curvature, iteration, True, "the gradient vanished")
         new_t = t + move
+        if len(problem.candidate.own):
+            own = slice(d.shape[1] - len(problem.candidate.own), None)
+            moved_d[:, own] = np.clip(moved_d[:, own], -MAX_MOVE, MAX_MOVE)
         new_d = np.clip(d + moved_d, k.low, k.high)
         new_value, new_curvature = sums_at(problem, new_t, k.coefficients(new_d))
         if np.isfinite(new_value) and new_value <= value:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lobefit.kernels import Candidate
 
-__all__ = ["Coordinates", "coordinates", "solve_bounded"]
+__all__ = ["Coordinates", "beside", "coordinates", "solve_bounded"]
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,20 @@ def coordinates(candidate: Candidate) -> Coordinates:
     lows: Array = np.array([pair[0] for pair in limits])
     highs: Array = np.array([pair[1] for pair in limits])
     return Coordinates(T, c0, lows, highs)
+
+
+def beside(linear: Coordinates, low: Array, high: Array) -> Coordinates:
+    """Put a channel's own searched parameters, as they are, behind its coefficients."""
+    (size, columns), own = linear.T.shape, len(low)
+    T = np.zeros((size + own, columns + own))
+    T[:size, :columns] = linear.T
+    T[size:, columns:] = np.eye(own)
+    return Coordinates(
+        T,
+        np.concatenate([linear.c0, np.zeros(own)]),
+        np.concatenate([linear.low, low]),
+        np.concatenate([linear.high, high]),
+    )
 
 
 def solve_bounded(gram: Array, rhs: Array, low: Array, high: Array) -> Array:

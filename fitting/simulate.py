@@ -85,11 +85,11 @@ def simulate(
     >>> copper.channels
     ('R', 'G', 'B')
     """
-    chosen = candidate(model)
+    chosen = candidate(model, options)
     full = _parameters(chosen, params)
     angles, where = _directions(geometry, chosen)
     relative, additive = _noise(noise)
-    clean = evaluate(chosen.model, full, *angles, options=options, device=device)
+    clean = evaluate(chosen.model, full, *angles, device=device)
     names = _channels(channels, len(clean))
     clean = np.broadcast_to(clean, (len(names), clean.shape[1]))
     spread = np.hypot(relative * clean, additive)

@@ -139,7 +139,11 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     slope = problem.scale.slope(x)
     labelled = canonical(candidate, x)
     turned = _axes_swapped(problem, x, labelled)
-    full_x = candidate.expand(labelled)
+    own = [p.name for p in candidate.own]
+    own_x = problem.own.to_parameters(point.c[:, problem.program.n_basis :])
+    own_slope = problem.own.slope(own_x)
+    shared_x = np.broadcast_to(labelled, (count, n))
+    full_x = candidate.expand(np.concatenate([shared_x, own_x], axis=1)[:, problem.order])
     linear = linear_from_coefficients(model, point.c)
 
     params: dict[str, float | list[float]] = {}
@@ -164,15 +168,21 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
                     _row(p, label, float(values[channel]), J, held, crossing, fixed, variance_scale)
                 )
                 jacobians.append(J)
-        else:
-            k = [q.name for q in model.nonlinear].index(p.name)
-            value = float(full_x[k])
-            params[p.name] = value
+            continue
+        k = [q.name for q in model.nonlinear].index(p.name)
+        one = p.name not in own and candidate.tied.get(p.name) not in own
+        params[p.name] = float(full_x[0, k]) if one or count == 1 else full_x[:, k].tolist()
+        for channel in range(1 if one else count):
             J = np.zeros(n + count * size)
-            if not fixed:
-                m = [q.name for q in candidate.searched].index(turned.get(p.name, p.name))
+            if p.name in own:
+                m = size - len(own) + own.index(p.name)
+                J[n + channel * size + m] = own_slope[channel, own.index(p.name)]
+            elif not fixed:
+                m = [q.name for q in candidate.shared].index(turned.get(p.name, p.name))
                 J[m] = slope[m]
-            rows.append(_row(p, None, value, J, held, crossing, fixed, variance_scale))
+            label = None if one else channels[channel]
+            value = float(full_x[channel, k])
+            rows.append(_row(p, label, value, J, held, crossing, fixed, variance_scale))
             jacobians.append(J)
     free = [k for k, row in enumerate(rows) if row.status not in ("fixed", "tied")]
     J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
@@ -196,12 +206,12 @@ def _vague_scales(
 
 
 def _axes_swapped(problem: Problem, x: Array, labelled: Array) -> dict[str, str]:
-    axes = problem.candidate.model.lobe.axes
-    names = [p.name for p in problem.candidate.searched]
-    if axes is None or axes[0] not in names or axes[1] not in names:
-        return {}
-    k = names.index(axes[0])
-    return {axes[0]: axes[1], axes[1]: axes[0]} if labelled[k] != x[k] else {}
+    names = [p.name for p in problem.candidate.shared]
+    swapped: dict[str, str] = {}
+    for wide, narrow, _ in problem.candidate.model.axes:
+        if {wide, narrow} <= set(names) and labelled[names.index(wide)] != x[names.index(wide)]:
+            swapped |= {wide: narrow, narrow: wide}
+    return swapped
 
 
 def _row(

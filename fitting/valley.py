@@ -33,8 +33,8 @@ def starts(problem: Problem) -> list[tuple[Array, Array]]:
             valleys.append(int(k))
         if len(valleys) == STARTS or (valleys and value[k] > RIVAL * value[valleys[0]]):
             break
-    if len(valleys) < 2:
-        return [(t[k], c[k]) for k in valleys]
+    if len(valleys) < 2 or not t.shape[1]:
+        return [(t[k], problem.rows(t[k], c[k])) for k in valleys]
     # Several are as good: a finer look around each tells them apart.
     steps = np.linspace(-0.5, 0.5, ZOOM[min(t.shape[1], len(ZOOM)) - 1])
     offsets = np.stack(
@@ -48,10 +48,15 @@ def starts(problem: Problem) -> list[tuple[Array, Array]]:
     lowest = np.argmin(value, axis=1)
     best = value[np.arange(len(valleys)), lowest]
     return [
-        (close[k, lowest[k]], c[k, lowest[k]])
+        (close[k, lowest[k]], problem.rows(close[k, lowest[k]], c[k, lowest[k]]))
         for k in np.argsort(best, kind="stable")
         if best[k] <= RIVAL * best.min()
     ]
+
+
+def _why_none(problem: Problem) -> str:
+    own = ", ".join(p.name for p in problem.candidate.own)
+    return f"each channel was solved for its {own}" if own else "the problem is linear"
 
 
 def descend(problem: Problem, data: Observations, t: Array, c: Array) -> tuple[Found, Array]:
@@ -67,7 +72,7 @@ def descend(problem: Problem, data: Observations, t: Array, c: Array) -> tuple[F
 
     if not len(t):
         value, c = problem.project(data, t, best)
-        return Found(t, value, "none", "the problem is linear", 1), c
+        return Found(t, value, "none", _why_none(problem), 1), c
     scale = problem.scale
     found = minimise(objective, t, scale.low, scale.high, 0.5 * scale.spacing)
     return found, best

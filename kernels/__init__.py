@@ -14,7 +14,8 @@ from lobefit.kernels.errors import (
     ModelError,
 )
 from lobefit.kernels.evaluate import evaluate
-from lobefit.kernels.library import Lobe, Model, Parameter, get_model, models
+from lobefit.kernels.library import Lobe, Parameter
+from lobefit.kernels.registry import Model, get_model, models
 
 __all__ = [
     "Candidate",

@@ -18,9 +18,9 @@ from lobefit.kernels.device import Device, get_device
 from lobefit.kernels.errors import ModelError
 from lobefit.kernels.evaluate import Params, basis_values
 from lobefit.kernels.geometry import MIN_COSINE, Directions
-from lobefit.kernels.library import Model, get_model
 from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
 from lobefit.kernels.program import ModelProgram, model_program
+from lobefit.kernels.registry import Model, get_model
 
 __all__ = [
     "HemisphereGrid",
@@ -113,12 +113,12 @@ def azimuth_refinement(model: Model, x: Array) -> int:
     int
         A power of two, 1 for isotropic models and axis ratios up to 4.
     """
-    if model.lobe.axes is None:
-        return 1
     names = [p.name for p in model.nonlinear]
-    wide, narrow = (float(x[names.index(name)]) for name in model.lobe.axes[:2])
-    ratio = max(wide / narrow, narrow / wide)
-    return int(2 ** np.ceil(np.log2(np.clip(ratio / 4.0, 1.0, 32.0))))
+    largest = 1.0
+    for axes in model.axes:
+        wide, narrow = (float(x[names.index(name)]) for name in axes[:2])
+        largest = max(largest, wide / narrow, narrow / wide)
+    return int(2 ** np.ceil(np.log2(np.clip(largest / 4.0, 1.0, 32.0))))
 
 
 def basis_albedo(program: ModelProgram, grid: HemisphereGrid, x: Array) -> Array:
@@ -171,8 +171,8 @@ def directional_albedo(
     ModelError
         As `evaluate`, and for incidence at or below the horizon.
     """
-    known = model if isinstance(model, Model) else get_model(model)
-    program = model_program(known, options)
+    known = (model if isinstance(model, Model) else get_model(model)).choose(options)
+    program = model_program(known)
     full = complete(known, params)
     x, coefficients = nonlinear_of(known, full), coefficients_of(known, full)
     angles = np.atleast_1d(np.asarray(theta_i, dtype=np.float64))

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from lobefit.kernels.device import Device, get_device, opencl_errors
 from lobefit.kernels.geometry import Directions, Precision
-from lobefit.kernels.library import Model, get_model
 from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
 from lobefit.kernels.program import ModelProgram, build_options, model_program
+from lobefit.kernels.registry import Model, get_model
 
 __all__ = ["Params", "basis_values", "evaluate"]
 
@@ -84,7 +84,7 @@ def evaluate(
     Parameters
     ----------
     model : str or Model
-        A registered model, such as "ggx".
+        A registered model, such as "ggx", or a sum, such as "ggx+ggx".
     params : mapping of str to float or sequence of float
         Parameters by name; per-channel ones may be one number or one per
         channel. What is left out takes the record's default.
@@ -92,7 +92,8 @@ def evaluate(
         Zenith and azimuth in radians; both directions point away from the
         surface. Scalars broadcast.
     options : mapping of str to str, optional
-        Pieces the model is compiled with, such as ``{"masking": "smith_separable"}``.
+        Pieces the model is compiled with, such as ``{"masking": "smith_separable",
+        "fresnel": "conductor"}``; a choice may bring parameters of its own.
     precision : {"single", "double"}
         Of the computation; the result is float64 either way.
     device : str, Device or None
@@ -117,8 +118,8 @@ def evaluate(
     >>> float(evaluate("lambert", {"k_d": 0.5}, 0.0, 0.0, 0.3, 0.0)[0, 0].round(6))
     0.159155
     """
-    known = model if isinstance(model, Model) else get_model(model)
-    program = model_program(known, options)
+    known = (model if isinstance(model, Model) else get_model(model)).choose(options)
+    program = model_program(known)
     full = complete(known, params)
     directions = Directions(get_device(device), theta_i, phi_i, theta_o, phi_o, precision)
     try:

@@ -35,6 +35,8 @@ PLANES = (
     "one_minus_cos_d",
     "log2_cos_h",
     "log2_cos_r",
+    "back_slope_x",
+    "back_slope_y",
 )
 # Directions per work-item on a CPU: enough to hide a launch, few enough to share out.
 BLOCKS_PER_CHUNK = 8

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.kernels.errors import ModelError
-from lobefit.kernels.library import Model
+from lobefit.kernels.registry import Model
 
 __all__ = ["coefficients_of", "complete", "linear_from_coefficients", "nonlinear_of"]
 

@@ -6,13 +6,13 @@ basis functions is written down once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 
-from lobefit.kernels.errors import ModelError
-from lobefit.kernels.library import Lobe, Model
+from lobefit.kernels.library import Lobe
+from lobefit.kernels.registry import Model
 
 __all__ = ["BLOCK", "ModelProgram", "build_options", "model_program", "shared_text"]
 
@@ -42,37 +42,33 @@ def build_options(width: int, precision: str) -> tuple[str, ...]:
     return (*options, "-cl-single-precision-constant", "-cl-fast-relaxed-math")
 
 
-def _term_text(lobe: Lobe, options: Mapping[str, str]) -> str:
+def _lobe_text(lobe: Lobe) -> str:
     own = [p for p in lobe.parameters if not p.linear]
     fields = " ".join(f"scalar {p.name};" for p in own) or "int unused;"
     formula = (files("lobefit.kernels") / "models" / f"{lobe.name}.cl").read_text(encoding="utf-8")
-    chosen = [(key, options.get(key, allowed[0])) for key, allowed in lobe.options.items()]
     return "\n".join(
         [
             f"typedef struct {{ {fields} }} {lobe.name}_parameters;",
-            *(f"#define OPTION_{key} {value}" for key, value in chosen),
+            *(f"#define OPTION_{key} {choice[0]}" for key, choice in lobe.options.items()),
             f'#line 1 "{lobe.name}.cl"',
             formula,
             '#line 1 "generated"',
-            *(f"#undef OPTION_{key}" for key, _ in chosen),
+            *(f"#undef OPTION_{key}" for key in lobe.options),
         ]
     )
 
 
 @dataclass(frozen=True)
 class ModelProgram:
-    """The generated program of one model with one choice of options.
+    """The generated program of one model, its options chosen.
 
     Attributes
     ----------
     model : Model
         What it evaluates.
-    options : tuple of (str, str)
-        The choices it is compiled with.
     """
 
     model: Model
-    options: tuple[tuple[str, str], ...]
 
     @property
     def n_basis(self) -> int:
@@ -100,10 +96,10 @@ class ModelProgram:
     @cached_property
     def text(self) -> str:
         """Program text up to the kernels: types, pieces, formulas, glue."""
-        uses = list(dict.fromkeys(u for term in self.model.terms for u in term.uses))
-        distinct = list(dict.fromkeys(self.model.terms))
+        lobes = list(dict.fromkeys(term.lobe for term in self.model.terms))
+        uses = list(dict.fromkeys(u for lobe in lobes for u in lobe.uses))
         parts = [shared_text("types.h"), shared_text("geometry.h"), *map(shared_text, uses)]
-        parts += [_term_text(term, dict(self.options)) for term in distinct]
+        parts += [_lobe_text(lobe) for lobe in lobes]
         return "\n".join([*parts, self._glue()])
 
     def _glue(self) -> str:
@@ -112,12 +108,12 @@ class ModelProgram:
         for t, term in enumerate(self.model.terms):
             own = sum(not p.linear for p in term.parameters)
             arguments = ", ".join(f"x[{x + j}]" for j in range(own)) or "0"
-            fields.append(f"{term.name}_constants t{t};")
+            name = term.lobe.name
+            fields.append(f"{name}_constants t{t};")
             values.append(
-                f"  {{ const {term.name}_parameters p = {{{arguments}}}; "
-                f"c.t{t} = {term.name}_prepare(p); }}"
+                f"  {{ const {name}_parameters p = {{{arguments}}}; c.t{t} = {name}_prepare(p); }}"
             )
-            calls.append(f"  {term.name}_basis(g, c->t{t}, basis + {basis});")
+            calls.append(f"  {name}_basis(g, c->t{t}, basis + {basis});")
             basis += len(term.coefficients)
             x += own
         derivatives = [
@@ -149,7 +145,9 @@ class ModelProgram:
         return f"{self.text}\n{shared_text('values.cl')}"
 
     @cache  # noqa: B019 - programs live as long as the process
-    def sums_source(self, *, metric: int, gram: bool, derivatives: bool, strided: bool) -> str:
+    def sums_source(
+        self, *, metric: int, gram: bool, derivatives: bool, strided: bool, channel_x: bool = False
+    ) -> str:
         """Text of a kernel of fused sums.
 
         Parameters
@@ -162,6 +160,8 @@ class ModelProgram:
             Append the derivatives along the nonlinear parameters to the columns.
         strided : bool
             Neighbouring work-items read neighbouring directions, as GPUs like it.
+        channel_x : bool
+            Each channel has nonlinear parameters of its own.
         """
         n_columns = self.n_basis + (len(self.derivatives) if derivatives else 0)
         defines: Sequence[tuple[str, int]] = [
@@ -171,40 +171,13 @@ class ModelProgram:
             ("N_COLUMNS", n_columns),
             ("BLOCK", BLOCK),
             ("STRIDED", int(strided)),
+            ("CHANNEL_X", int(channel_x)),
         ]
         lines = "\n".join(f"#define {name} {value}" for name, value in defines)
         return f"{self.text}\n{lines}\n{shared_text('sums.cl')}"
 
 
 @cache
-def _cached_program(model: Model, options: tuple[tuple[str, str], ...]) -> ModelProgram:
-    return ModelProgram(model, options)
-
-
-def model_program(model: Model, options: Mapping[str, str] | None = None) -> ModelProgram:
-    """Give the program of a model.
-
-    Parameters
-    ----------
-    model : Model
-        What to evaluate.
-    options : mapping of str to str, optional
-        Choices such as ``{"masking": "smith_separable"}``; the record's first
-        choice where left out.
-
-    Raises
-    ------
-    ModelError
-        An option or choice that the model does not have.
-    """
-    allowed = {key: choices for term in model.terms for key, choices in term.options.items()}
-    for key, value in (options or {}).items():
-        if key not in allowed:
-            known = ", ".join(allowed) or "none"
-            raise ModelError(f"{model.name} has no option {key!r}; its options: {known}")
-        if value not in allowed[key]:
-            raise ModelError(
-                f"{model.name} has no {key} {value!r}; it can be {', '.join(allowed[key])}"
-            )
-    chosen = {key: (options or {}).get(key, choices[0]) for key, choices in allowed.items()}
-    return _cached_program(model, tuple(sorted(chosen.items())))
+def model_program(model: Model) -> ModelProgram:
+    """Give the program of a model; the same object for the same model."""
+    return ModelProgram(model)

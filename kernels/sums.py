@@ -154,6 +154,7 @@ def _launch(
             gram=gram,
             derivatives=derivatives,
             strided=not device.is_cpu,
+            channel_x=x.ndim == 3,
         ),
         "weighted_sums",
         build_options(d.width, d.precision),
@@ -199,8 +200,8 @@ def chi_square(
         The model.
     observations : Observations
         The measurement.
-    x : ndarray, shape (P, n_x)
-        Nonlinear parameters of P sets.
+    x : ndarray, shape (P, n_x) or (P, C, n_x)
+        Nonlinear parameters of P sets, for all channels or for each.
     coefficients : ndarray, shape (P, C, n_basis)
         Their coefficients per channel.
 
@@ -228,7 +229,7 @@ def normal_equations(
     coefficients : ndarray, shape (P, C, n_basis), optional
         Where the residuals are taken; 0 where left out, so that ``rhs`` is
         the right-hand side of the linear problem and ``chi_square`` is sum w y^2.
-    steps : ndarray, shape (P, n_x), optional
+    steps : ndarray, shaped as x, optional
         Half widths of the central differences; with them the derivatives along
         the nonlinear parameters follow the basis columns.
 

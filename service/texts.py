@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from lobefit.fitting.measurement import Measurement
@@ -11,6 +12,7 @@ from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
 from lobefit.fitting.tables import aligned, cautions, parameters
 from lobefit.kernels import Model, get_model
+from lobefit.kernels.cost import Cost
 
 __all__ = [
     "manual_page",
@@ -54,10 +56,10 @@ def measurement_lines(m: Measurement) -> Iterator[str]:
 def result_lines(report: FitReport) -> Iterator[str]:
     """Give the ranking, the best result's parameters and what to beware of."""
     best = report.best
-    lobe = get_model(best.model).lobe
+    model = get_model(best.model)
     yield report.table()
-    yield f"\n{best.candidate}: {lobe.title}"
-    yield wrapped(f"  {lobe.convention}", "  ")
+    yield f"\n{best.candidate}: {model.title}"
+    yield wrapped(f"  {model.convention}", "  ")
     for line in parameters(best).splitlines():
         yield f"  {line}"
     yield wrapped(f"  {noise_line(best)}", "  ")
@@ -92,16 +94,28 @@ def noise_line(result: FitResult) -> str:
     return f"noise found: {'; '.join(shown[:3])}{rest}"
 
 
-def model_list(models: Iterable[Model]) -> str:
-    """Give a line for each model."""
+def model_list(models: Iterable[Model], costs: Sequence[Cost] = ()) -> str:
+    """Give a line for each model, with its cost where that was measured."""
     rows = [("model", "sets", "variants", "")]
     for m in models:
-        variants = ", ".join(f"{m.name}:{v.name}" for v in m.lobe.variants)
+        variants = ", ".join(f"{m.name}:{v.name}" for v in m.variants)
         rows.append((m.name, ", ".join(m.sets), variants, m.title))
-    return "\n".join(aligned(rows, left=range(4)))
+    if not costs:
+        return "\n".join(aligned(rows, left=range(4)))
+    measured = ["ns", *(f"{c.ns:.2f}" for c in costs)]
+    table = [(row[0], ns, *row[1:]) for row, ns in zip(rows, measured, strict=True)]
+    return "\n".join([*aligned(table, left=(0, 2, 3, 4)), "", cost_line(costs[0].device)])
 
 
-def manual_page(model: Model) -> str:
+def cost_line(device: str) -> str:
+    """Say what the nanoseconds are."""
+    return wrapped(
+        f"ns: per direction and set of parameters, within the sum of squared residuals in "
+        f"single precision, on {device}"
+    )
+
+
+def manual_page(model: Model, cost: Cost | None = None) -> str:
     """Give the manual page with the tables of parameters and properties."""
     rows = [("name", "unit", "range", "default", "", "meaning")]
     for p in model.parameters:
@@ -113,29 +127,32 @@ def manual_page(model: Model) -> str:
     lines = [model.page, "", "Parameters", "----------", *aligned(rows, left=range(6))]
     flags = {"reciprocal": model.reciprocal, "isotropic": model.isotropic}
     said = [word if holds else f"not {word}" for word, holds in flags.items()]
-    lines += ["", "Properties", "----------", f"{', '.join(said)}; {model.lobe.energy}"]
+    lines += ["", "Properties", "----------", f"{', '.join(said)}; {model.energy}"]
     lines.append(f"candidate sets: {', '.join(model.sets)}")
-    variants = ", ".join(f"{model.name}:{v.name}" for v in model.lobe.variants)
+    variants = ", ".join(f"{model.name}:{v.name}" for v in model.variants)
     if variants:
         lines.append(f"variants: {variants}")
-    for option, choices in model.lobe.options.items():
+    for option, choices in model.allowed.items():
         lines.append(f"option {option}: {', '.join(choices)}")
+    if cost:
+        ends = f"{cost.fastest:.2f} to {cost.slowest:.2f}"
+        lines += ["", "Cost", "----", f"{cost.ns:.2f} ns ({ends})", cost_line(cost.device)]
     return "\n".join(lines)
 
 
-def model_document(model: Model) -> dict[str, Any]:
+def model_document(model: Model, cost: Cost | None = None) -> dict[str, Any]:
     """Give the same as JSON-ready values."""
     return {
         "name": model.name,
         "title": model.title,
-        "convention": model.lobe.convention,
-        "source": model.lobe.source,
-        "energy": model.lobe.energy,
+        "convention": model.convention,
+        "source": model.source,
+        "energy": model.energy,
         "reciprocal": model.reciprocal,
         "isotropic": model.isotropic,
         "sets": list(model.sets),
-        "variants": [f"{model.name}:{v.name}" for v in model.lobe.variants],
-        "options": {name: list(choices) for name, choices in model.lobe.options.items()},
+        "variants": [f"{model.name}:{v.name}" for v in model.variants],
+        "options": {name: list(choices) for name, choices in model.allowed.items()},
         "parameters": [
             {
                 "name": p.name,
@@ -150,4 +167,4 @@ def model_document(model: Model) -> dict[str, Any]:
             for p in model.parameters
         ],
         "page": model.page,
-    }
+    } | ({"cost": {"unit": "ns per direction", **asdict(cost)}} if cost else {})

@@ -38,4 +38,6 @@ kernel void directions_to_planes(global const real *angles, const int n, global 
   planes[8 * n + v] = TO_STORED(sin2_d / (1.0 + cos_d));
   planes[9 * n + v] = TO_STORED(-0.5 * M_LOG2E * log1p(H_xy2 / square(H_z)));
   planes[10 * n + v] = TO_STORED(one_minus_cos_r < 1.0 ? log2_cos_r : (real)(-1e30));
+  planes[11 * n + v] = TO_STORED((o_x - i_x) / H_z);
+  planes[12 * n + v] = TO_STORED((o_y - i_y) / H_z);
 }

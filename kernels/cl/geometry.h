@@ -8,9 +8,10 @@ typedef struct {
   real one_minus_cos_d;           // 1 - cos(theta_d), theta_d between wi and the half vector
   real log2_cos_h;                // log2(n.h)
   real log2_cos_r;                // log2(r.wo), r the mirror direction of wi; -1e30 where r.wo <= 0
+  real back_slope_x, back_slope_y;  // slope of the half vector of wo and (-i_x, -i_y, i_z)
 } geometry;
 
-#define N_PLANES 11
+#define N_PLANES 13
 
 static inline geometry load_geometry(global const real *planes, const int n, const int v) {
   geometry g;
@@ -25,6 +26,8 @@ static inline geometry load_geometry(global const real *planes, const int n, con
   g.one_minus_cos_d = planes[8 * n + v];
   g.log2_cos_h = planes[9 * n + v];
   g.log2_cos_r = planes[10 * n + v];
+  g.back_slope_x = planes[11 * n + v];
+  g.back_slope_y = planes[12 * n + v];
   return g;
 }
 

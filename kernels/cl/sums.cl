@@ -20,6 +20,13 @@
 #define SLOPE(f, t) ((t) / (3.0 * (f)))
 #endif
 
+// With CHANNEL_X each channel has nonlinear parameters of its own.
+#if CHANNEL_X
+#define N_GROUPS n_channels
+#else
+#define N_GROUPS 1
+#endif
+
 #if GRAM
 #define N_SUMS (1 + N_COLUMNS + N_COLUMNS * (N_COLUMNS + 1) / 2)
 #else
@@ -31,73 +38,82 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
                           global const scalar *parameters, const scalar tiny,
                           const int n_chunks, const int blocks_per_chunk, global double *out) {
   const int chunk = get_global_id(0), set = get_global_id(1), n_sets = get_global_size(1);
-  global const scalar *x = parameters, *steps = x + n_sets * N_X;
-  global const scalar *coefficients = steps + n_sets * N_X;
-  const constants c = prepare(x + set * N_X);
-#if DERIVATIVES
-  constants ahead[N_X], behind[N_X];
-  for (int j = 0; j < N_X; ++j) {
-    scalar moved[N_X];
-    for (int i = 0; i < N_X; ++i) moved[i] = x[set * N_X + i];
-    moved[j] += steps[set * N_X + j];
-    ahead[j] = prepare_private(moved);
-    moved[j] -= 2 * steps[set * N_X + j];
-    behind[j] = prepare_private(moved);
-  }
-#endif
+  global const scalar *all_x = parameters, *all_steps = all_x + n_sets * N_GROUPS * N_X;
+  global const scalar *coefficients = all_steps + n_sets * N_GROUPS * N_X;
   global double *sums = out + (size_t)(set * n_chunks + chunk) * n_channels * N_SUMS;
   for (int s = 0; s < n_channels * N_SUMS; ++s) sums[s] = 0.0;
 
-  for (int block = 0; block < blocks_per_chunk; ++block) {
-    real columns[BLOCK][N_COLUMNS];
-#if STRIDED
-    const int first = block * BLOCK * n_chunks + chunk, stride = n_chunks;
-#else
-    const int first = (chunk * blocks_per_chunk + block) * BLOCK, stride = 1;
-#endif
-    for (int b = 0; b < BLOCK; ++b) {
-      const geometry g = load_geometry(planes, n, first + b * stride);
-      evaluate_basis(g, &c, columns[b]);
+  for (int group = 0; group < N_GROUPS; ++group) {
+    global const scalar *x = all_x + (set * N_GROUPS + group) * N_X;
+    const constants c = prepare(x);
 #if DERIVATIVES
-      for (int j = 0; j < N_X; ++j) {
-        real plus[N_BASIS], minus[N_BASIS];
-        evaluate_basis(g, &ahead[j], plus);
-        evaluate_basis(g, &behind[j], minus);
-        const scalar per_step = 0.5 / steps[set * N_X + j];
-        fill_derivatives(j, plus, minus, per_step, columns[b] + N_BASIS);
-      }
-#endif
+    global const scalar *steps = all_steps + (set * N_GROUPS + group) * N_X;
+    constants ahead[N_X], behind[N_X];
+    for (int j = 0; j < N_X; ++j) {
+      scalar moved[N_X];
+      for (int i = 0; i < N_X; ++i) moved[i] = x[i];
+      moved[j] += steps[j];
+      ahead[j] = prepare_private(moved);
+      moved[j] -= 2 * steps[j];
+      behind[j] = prepare_private(moved);
     }
-    for (int channel = 0; channel < n_channels; ++channel) {
-      global const scalar *coefficient = coefficients + (set * n_channels + channel) * N_BASIS;
-      real acc[N_SUMS];
-      for (int s = 0; s < N_SUMS; ++s) acc[s] = 0.0;
-      for (int b = 0; b < BLOCK; ++b) {
-        const int v = channel * n + first + b * stride;
-        real f = coefficient[0] * columns[b][0];
-        for (int k = 1; k < N_BASIS; ++k) f += coefficient[k] * columns[b][k];
-#if METRIC != 0
-        f = fmax(f, tiny);
 #endif
-        const real t = TRANSFORM(f);
-        const real residual = values[v] - t;
-        const real w = weights[v];
-#if GRAM
-        const real weighted_residual = w * residual;
-        acc[0] += weighted_residual * residual;
-        const real slope = SLOPE(f, t);
-        int s = 1 + N_COLUMNS;
-        for (int l = 0; l < N_COLUMNS; ++l) {
-          const real column = slope * columns[b][l];
-          acc[1 + l] += weighted_residual * column;
-          const real weighted = w * slope * column;
-          for (int m = l; m < N_COLUMNS; ++m) acc[s++] += weighted * columns[b][m];
-        }
+    for (int block = 0; block < blocks_per_chunk; ++block) {
+      real columns[BLOCK][N_COLUMNS];
+#if STRIDED
+      const int first = block * BLOCK * n_chunks + chunk, stride = n_chunks;
 #else
-        acc[0] += w * residual * residual;
+      const int first = (chunk * blocks_per_chunk + block) * BLOCK, stride = 1;
+#endif
+      for (int b = 0; b < BLOCK; ++b) {
+        const geometry g = load_geometry(planes, n, first + b * stride);
+        evaluate_basis(g, &c, columns[b]);
+#if DERIVATIVES
+        for (int j = 0; j < N_X; ++j) {
+          real plus[N_BASIS], minus[N_BASIS];
+          evaluate_basis(g, &ahead[j], plus);
+          evaluate_basis(g, &behind[j], minus);
+          const scalar per_step = 0.5 / steps[j];
+          fill_derivatives(j, plus, minus, per_step, columns[b] + N_BASIS);
+        }
 #endif
       }
-      for (int s = 0; s < N_SUMS; ++s) sums[channel * N_SUMS + s] += sum_lanes(acc[s]);
+#if CHANNEL_X
+      {
+        const int channel = group;
+#else
+      for (int channel = 0; channel < n_channels; ++channel) {
+#endif
+        global const scalar *coefficient = coefficients + (set * n_channels + channel) * N_BASIS;
+        real acc[N_SUMS];
+        for (int s = 0; s < N_SUMS; ++s) acc[s] = 0.0;
+        for (int b = 0; b < BLOCK; ++b) {
+          const int v = channel * n + first + b * stride;
+          real f = coefficient[0] * columns[b][0];
+          for (int k = 1; k < N_BASIS; ++k) f += coefficient[k] * columns[b][k];
+#if METRIC != 0
+          f = fmax(f, tiny);
+#endif
+          const real t = TRANSFORM(f);
+          const real residual = values[v] - t;
+          const real w = weights[v];
+#if GRAM
+          const real weighted_residual = w * residual;
+          acc[0] += weighted_residual * residual;
+          const real slope = SLOPE(f, t);
+          int s = 1 + N_COLUMNS;
+          for (int l = 0; l < N_COLUMNS; ++l) {
+            const real column = slope * columns[b][l];
+            acc[1 + l] += weighted_residual * column;
+            const real weighted = w * slope * column;
+            for (int m = l; m < N_COLUMNS; ++m) acc[s++] += weighted * columns[b][m];
+          }
+#else
+          acc[0] += w * residual * residual;
+#endif
+        }
+        for (int s = 0; s < N_SUMS; ++s) sums[channel * N_SUMS + s] += sum_lanes(acc[s]);
+      }
     }
   }
 }

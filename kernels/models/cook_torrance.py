@@ -1,4 +1,4 @@
-"""Cook-Torrance: Beckmann's distribution, V-cavity masking, Schlick's Fresnel term.
+"""Cook-Torrance: Beckmann's distribution, V-cavity masking, a Fresnel term by choice.
 
 Formula
 -------
@@ -6,6 +6,8 @@ f = k_d/pi + k_s D G F / (4 cos_theta_i cos_theta_o)
 D = exp(-tan^2(theta_h)/alpha^2) / (pi alpha^2 cos^4(theta_h))
 G = min(1, 2 cos_theta_h cos_theta_i/cos_theta_d, 2 cos_theta_h cos_theta_o/cos_theta_d)
 F = F0 + (1 - F0)(1 - cos_theta_d)^5
+Option `fresnel`: `schlick` (above, the default), `none`, `dielectric`, `conductor`, `f82`,
+as for `ggx`.
 
 Convention
 ----------
@@ -32,19 +34,19 @@ for alpha = 0.5, F0 = 1), D against Mitsuba 3.9.1, and 50-digit arithmetic.
 from __future__ import annotations
 
 from lobefit.kernels.library import Lobe, Parameter, Reference, Variant
-from lobefit.kernels.shared_parameters import F0, K_S
+from lobefit.kernels.shared_options import FRESNEL, FRESNEL_CHOICES
+from lobefit.kernels.shared_parameters import K_S
 
 __all__ = ["LOBE"]
 
 LOBE = Lobe(
     name="cook_torrance",
-    title="Cook-Torrance: Beckmann, V-cavity, Schlick",
+    title="Cook-Torrance: Beckmann, V-cavity, Schlick or exact Fresnel",
     convention="N = 4, normalised D: k_s D G F / (4 cos_theta_i cos_theta_o)",
     source="Cook & Torrance 1982; Walter et al. 2007, eq. 20, 25",
     energy="conserves energy for k_d + k_s <= 1",
     parameters=(
         K_S,
-        F0,
         Parameter(
             name="alpha",
             unit="1",
@@ -55,10 +57,12 @@ LOBE = Lobe(
             nodes=64,
         ),
     ),
-    coefficients=(("k_s", "F0"), ("k_s",)),
+    coefficients=(("k_s",),),
     reciprocal=True,
     isotropic=True,
-    uses=("microfacet.h",),
+    uses=("fresnel.h", "masking.h", "distributions.h"),
+    options={"fresnel": FRESNEL},
+    choices=FRESNEL_CHOICES,
     variants=(Variant(name="k_s=1", fixed={"k_s": 1.0}),),
     references=(
         Reference(

@@ -180,7 +180,7 @@ def test_options_reach_the_models_that_have_them() -> None:
     options = {"masking": "smith_separable"}
     m = simulate("ggx", {**GLOSSY, "alpha": 0.5}, SCAN, (0.0, 0.0), options=options)
     found = fit(m, ["lambert", "ggx"], options=options)
-    assert found.best.options == options
+    assert found.best.options == {**options, "fresnel": "schlick"}
     assert found.best.params["alpha"] == pytest.approx(0.5, rel=1e-6)
     np.testing.assert_allclose(found.best.predict(*angles(m)), m.values, rtol=1e-6)
     other = fit(m, ["ggx"]).best
@@ -192,7 +192,7 @@ def test_an_option_that_no_candidate_has(glossy: Measurement) -> None:
         fit(glossy, ["lambert", "ggx"], options={"maskng": "smith_separable"})
 
 
-@pytest.mark.parametrize("models", ["ggxx", ["ggx", "phong"], "ggx:k_s=2", "", []])
+@pytest.mark.parametrize("models", ["ggxx", ["ggx", "phongg"], "ggx:k_s=2", "", []])
 def test_unknown_models(glossy: Measurement, models: Any) -> None:
     with pytest.raises(ModelError):
         fit(glossy, models)
@@ -308,12 +308,18 @@ def test_two_lobes_are_described_by_no_candidate() -> None:
     second = simulate("ggx", broad, scan, (0.0, 0.0))
     clean = first.values + second.values
     noise = 1 + 0.01 * np.random.default_rng(10).standard_normal(clean.shape)
-    found = fit(replace(first, values=clean * noise))
+    both = replace(first, values=clean * noise)
+    found = fit(both, "quick")
     assert not found.described
     assert found.verdict.startswith("No candidate describes this surface")
     assert found.best.diagnostics.misfit_limited
     assert found.best.diagnostics.worst[0] in found.verdict
     assert "°" in found.best.diagnostics.worst[0]
+    summed = fit(both, ["ggx", "ggx+ggx"])
+    assert summed.best.candidate == "ggx+ggx"
+    assert summed.described
+    truth = {"k_s_1": 1.0, "F0_1": 0.3, "alpha_1": 0.03, "k_s_2": 1.0, "F0_2": 0.5, "alpha_2": 0.5}
+    assert max(map(abs, deviations(summed.best, truth).values())) < 3.5
 
 
 def test_a_wrong_quantity_shows_in_the_albedo() -> None:

@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear, nnls
 
 from lobefit.fitting.projection import coordinates, solve_bounded
 from lobefit.kernels import Candidate, Model, ModelError, Parameter, candidate, candidates
+from lobefit.kernels.registry import Term
 from lobefit.kernels.parameters import coefficients_of, complete, linear_from_coefficients
 
 Array = npt.NDArray[np.float64]
@@ -157,8 +158,9 @@ def gold() -> Candidate:
     def wider(p: Parameter) -> Parameter:
         return replace(p, bounds=(0.0, 1.1)) if p.name == "F0" else p
 
-    lobe = replace(ggx.lobe, parameters=tuple(wider(p) for p in ggx.lobe.parameters))
-    return Candidate("gold", Model("gold", lobe, (ggx.terms[0], lobe), ""))
+    diffuse, specular = ggx.terms
+    lobe = replace(specular.lobe, parameters=tuple(wider(p) for p in specular.lobe.parameters))
+    return Candidate("gold", Model("gold", (diffuse, Term(lobe)), (lobe,), ""))
 
 
 def test_f0_may_pass_1_where_the_record_allows_it() -> None:
@@ -186,8 +188,11 @@ def test_what_is_held_is_held(fixed: dict[str, float], n: int) -> None:
 def test_a_ratio_from_above_zero_is_refused() -> None:
     ggx = candidate("ggx").model
     parameters = tuple(
-        replace(p, bounds=(0.02, 1.0)) if p.name == "F0" else p for p in ggx.lobe.parameters
+        replace(p, bounds=(0.02, 1.0)) if p.name == "F0" else p
+        for p in ggx.terms[1].lobe.parameters
     )
-    lobe = replace(ggx.lobe, parameters=parameters)
+    lobe = replace(
+        ggx.terms[1].lobe, parameters=parameters, variants=(), references=ggx.lobe.references
+    )
     with pytest.raises(ModelError, match="has a ratio whose lower bound is not 0"):
         lobe.check()

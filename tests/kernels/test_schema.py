@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import lobefit
-from lobefit.kernels import Model, ModelError, library
+from lobefit.kernels import Model, ModelError, models, registry
 
 PACKAGE = Path(lobefit.__file__).parent
 # By this way, since `lobefit.kernels.models` is the function of that name.
@@ -68,7 +68,7 @@ Verified against
 The closed form.
 """
 
-from lobefit.kernels.library import Lobe, Parameter, Reference, Variant
+from lobefit.kernels.library import Choice, Lobe, Parameter, Reference, Variant
 
 __all__ = ["LOBE"]
 
@@ -156,6 +156,19 @@ BROKEN = {
         "axes",
     ),
     "an option of no choice": ('("none", "some")', "()", "option"),
+    "a choice that no option has": ("options={", "choices={'sum': Choice()}, options={", "brings"),
+    "a choice with an unknown coefficient": (
+        "options={",
+        "choices={'some': Choice(factors=(('q',),))}, options={",
+        "exactly its linear",
+    ),
+    "a variant with an unknown choice": (
+        'fixed={"k"',
+        'options={"masking": "sum"}, fixed={"k"',
+        "variant",
+    ),
+    "a partner that is no model": ("options={", "partners={'gxx': ('all',)}, options={", "gxx"),
+    "a partner in no set": ("options={", "partners={'lambert': ('al',)}, options={", "unknown set"),
     # the file
     "another name": ('name="probe"', 'name="prob"', "LOBE = Lobe(name='probe'"),
     "no record": ("LOBE = Lobe(", "RECORD = Lobe(", "LOBE"),
@@ -171,6 +184,12 @@ BROKEN = {
 Load = Callable[[str, bool], dict[str, Model]]
 
 
+def forget() -> None:
+    """Let the next question look at the files again."""
+    for remembered in (registry._lobes, registry._chosen, registry._build, models):
+        remembered.cache_clear()
+
+
 @pytest.fixture
 def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Load]:
     """Load models from a folder that holds `lambert` and a file ``probe.py``."""
@@ -178,7 +197,7 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Load]:
     folder.mkdir()
     for name in ("lambert.py", "lambert.cl"):
         shutil.copy(PACKAGE / "kernels" / "models" / name, folder)
-    monkeypatch.setattr(library, "files", lambda _package: tmp_path)
+    monkeypatch.setattr(registry, "files", lambda _package: tmp_path)
     monkeypatch.setattr(MODELS, "__path__", [*MODELS.__path__, str(folder)])
 
     def load(text: str, formula: bool = True) -> dict[str, Model]:
@@ -186,9 +205,11 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Load]:
         if formula:
             (folder / "probe.cl").write_text("// a formula", encoding="utf-8")
         importlib.invalidate_caches()
-        return library.models.__wrapped__()
+        forget()
+        return models()
 
     yield load
+    forget()
     sys.modules.pop("lobefit.kernels.models.probe", None)
     vars(MODELS).pop("probe", None)
 
@@ -215,9 +236,9 @@ def test_a_model_without_a_formula_is_refused(load: Load) -> None:
         load(PROBE_PY, False)
 
 
-@pytest.mark.parametrize("name", library.models())
+@pytest.mark.parametrize("name", models())
 def test_registered_records_are_checked_too(name: str) -> None:
-    lobe = library.models()[name].lobe
+    lobe = models()[name].lobe
     lobe.check()
     with pytest.raises(ModelError, match=f"models/{name}.py has fewer than three"):
         replace(lobe, references=lobe.references[:2]).check()
@@ -226,7 +247,7 @@ def test_registered_records_are_checked_too(name: str) -> None:
 def test_the_packages_models_are_the_files() -> None:
     folder = (PACKAGE / "kernels" / "models").resolve()
     records = {path.stem for path in folder.glob("*.py")} - {"__init__"}
-    assert set(library.models()) == records == {path.stem for path in folder.glob("*.cl")}
+    assert set(models()) == records == {path.stem for path in folder.glob("*.cl")}
 
 
 MINNAERT_CL = """
