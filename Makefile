@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow bench lint samples clean
+.PHONY: demo test test-slow bench lint samples docs clean
 
 # Run the main job on a sample: read, fit every candidate model, rank, draw.
 demo: .venv/user
@@ -22,6 +22,10 @@ lint: .venv/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Make the pages of the models again, where they are stale.
+docs: .venv/user
+	$(BIN)/python -m docs.make
 
 # Make the sample measurements again from the commands recorded beside them.
 samples: .venv/user

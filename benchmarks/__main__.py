@@ -10,12 +10,17 @@ import json
 import time
 from pathlib import Path
 
-from benchmarks import fused_sum, point_fit, scaling
+from benchmarks import fused_sum, models, point_fit, scaling
 from benchmarks.timing import machine
 
 __all__ = ["main"]
 
-BENCHMARKS = {"fused_sum": fused_sum, "point_fit": point_fit, "scaling": scaling}
+BENCHMARKS = {
+    "fused_sum": fused_sum,
+    "models": models,
+    "point_fit": point_fit,
+    "scaling": scaling,
+}
 RESULTS = Path(__file__).parent / "results"
 
 

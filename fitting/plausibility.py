@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,9 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
                 [
                     (
                         coefficients
-                        * basis_albedo(problem.program, coarse_grid(device, theta, phi, refine), x)
+                        * basis_albedo(
+                            problem.program, partial(coarse_grid, device, theta, phi, refine), x
+                        )
                     ).sum(axis=1)
                     for phi in azimuths
                 ],

@@ -68,6 +68,14 @@ class Problem:
         self.scale = SearchScale(candidate.shared, MAX_NODES * 4 // len(self.own.nodes()))
         self.coordinates = beside(self.linear, self.own.low, self.own.high)
         self.evaluations = 0
+        # An angle has no bounds that its formula would end at.
+        self.bounds = (
+            np.array(
+                [(-np.inf, np.inf) if p.period else p.bounds for p in candidate.model.nonlinear]
+            )
+            .reshape(-1, 2)
+            .T
+        )
         nonlinear = [p.name for p in candidate.model.nonlinear]
 
         def spread(searched: list[str]) -> Array:
@@ -106,24 +114,27 @@ class Problem:
         return self.candidate.expand(rows[:, self.order])
 
     def steps(self, t: Array, c: Array) -> Array:
-        """Give the half widths of the differences along `parameters`, shaped alike."""
+        """Give the half widths of the differences along `parameters`, shaped alike; 0 if held."""
         step = STEP[self.dataset.precision]
         x = self.scale.to_parameters(t)
         full = self.spread @ (step * self.scale.slope(x))
         if self.candidate.own:
             own = self.own.to_parameters(c[:, self.program.n_basis :])
             full = full + step * self.own.slope(own) @ self.own_spread.T
-        # Held parameters are not moved, but a zero step would divide by zero.
-        moved: Array = np.where(full > 0.0, full, step)
-        return moved
+        return np.asarray(full)
 
     def sums(self, data: Observations, t: Array, c: Array, *, derivatives: bool = False) -> Sums:
         """Sum the normal equations around one point."""
         k = self.program.n_basis
-        steps = self.steps(t, c)[None] if derivatives and self.program.n_x else None
         self.evaluations += 1
         x = self.parameters(t, c)[None]
-        return normal_equations(self.program, data, x, c[None, :, :k], steps)
+        if not derivatives or not self.program.n_x:
+            return normal_equations(self.program, data, x, c[None, :, :k])
+        # Beside a bound the differences are taken a step inside it: beyond there may be none.
+        low, high = self.bounds
+        steps = np.minimum(self.steps(t, c), 0.25 * (high - low))
+        centres = np.where(steps > 0.0, np.clip(x[0], low + steps, high - steps), x[0])
+        return normal_equations(self.program, data, x, c[None, :, :k], steps[None], centres[None])
 
     def nodes(self) -> Array:
         """Give the nodes of the start scan, shape (P, n), each label once."""

@@ -15,6 +15,7 @@ from lobefit.kernels.errors import (
 )
 from lobefit.kernels.evaluate import evaluate
 from lobefit.kernels.library import Lobe, Parameter
+from lobefit.kernels.metals import conductor, metals
 from lobefit.kernels.registry import Model, get_model, models
 
 __all__ = [
@@ -31,10 +32,12 @@ __all__ = [
     "Parameter",
     "candidate",
     "candidates",
+    "conductor",
     "devices",
     "directional_albedo",
     "evaluate",
     "get_device",
     "get_model",
+    "metals",
     "models",
 ]

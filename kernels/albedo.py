@@ -3,13 +3,14 @@
 The hemisphere of outgoing directions is integrated over half vectors, where
 lobes sit at the normal whatever the incidence: nodes crowd geometrically around
 the normal, so that a lobe of alpha 0.001 is resolved, and end exactly at the
-horizon, so that nothing is cut off in the middle of a cell.
+horizon, so that nothing is cut off in the middle of a cell. A lobe that looks
+back at the light is integrated over the half vectors of the turned incidence.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,11 @@ class HemisphereGrid:
         Gauss-Legendre nodes per panel; 8 is the standard, fewer are faster.
     azimuths : int
         Azimuths of the half vector.
+    back : bool
+        Crowd the nodes about the direction of incidence instead of the mirror direction.
+    edge : float or None
+        Angle from the mirror direction in radians where the integrand jumps: no cell
+        crosses it.
 
     Attributes
     ----------
@@ -56,10 +62,20 @@ class HemisphereGrid:
         The nodes.
     weights : ndarray, shape (N,)
         Solid angle times cos_theta_o of each node: ``sum(weights) = pi``.
+    shares : ndarray, shape (N,)
+        The same, times a share that falls from 1 where the nodes crowd to 0 where they
+        would crowd on the other grid; the shares of both grids add up to 1 everywhere.
     """
 
     def __init__(
-        self, device: Device, theta_i: float, phi_i: float, order: int = 8, azimuths: int = 256
+        self,
+        device: Device,
+        theta_i: float,
+        phi_i: float,
+        order: int = 8,
+        azimuths: int = 256,
+        back: bool = False,
+        edge: float | None = None,
     ) -> None:
         cos_i, sin_i = np.cos(theta_i), np.sin(theta_i)
         # Half the azimuths would do by symmetry for isotropic models only.
@@ -69,8 +85,12 @@ class HemisphereGrid:
         edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.125, 11), PANELS])
         node, node_weight = np.polynomial.legendre.leggauss(order)
         width = np.diff(edges)[:, None]
-        u = (edges[:-1, None] + 0.5 * width * (node + 1.0)).ravel()
-        u_weight = (0.5 * width * node_weight).ravel()
+        u = (edges[:-1, None] + 0.5 * width * (node + 1.0)).ravel()[None, :]
+        u_weight = (0.5 * width * node_weight).ravel()[None, :]
+        if edge is not None:
+            cut = (_theta_h_at(edge, theta_i, phi_h, theta_end) / theta_end)[:, None]
+            u = np.concatenate([cut * u, cut + (1.0 - cut) * u], axis=1)
+            u_weight = np.concatenate([cut * u_weight, (1.0 - cut) * u_weight], axis=1)
 
         theta_h = theta_end[:, None] * u
         phi = np.broadcast_to(phi_h[:, None], theta_h.shape)
@@ -82,20 +102,50 @@ class HemisphereGrid:
         # d wo = 4 (i.h) d wh,  d wh = sin(theta_h) d theta_h d phi_h
         solid = 4.0 * i_dot_h * sin_h * theta_end[:, None] * u_weight * (2.0 * np.pi / azimuths)
         self.weights: Array = (solid * o[2]).ravel()
+        # Squared distances from the mirror direction and from the light.
+        there = (o[0] + sin_i) ** 2 + o[1] ** 2 + (o[2] - cos_i) ** 2
+        here = (o[0] - sin_i) ** 2 + o[1] ** 2 + (o[2] - cos_i) ** 2
+        self.shares: Array = self.weights * (here / (here + there + 1e-300)).ravel()
+        if sin_i < 1e-9:  # both are the normal
+            self.shares = 0.5 * self.weights
+        turn = np.pi if back else 0.0
         theta_o = np.arctan2(np.hypot(o[0], o[1]), o[2])
         self.directions = Directions(
             device,
             theta_i,
             phi_i,
             np.clip(theta_o, 0.0, np.pi).ravel(),
-            (np.arctan2(o[1], o[0]) + phi_i).ravel(),
+            (np.arctan2(o[1], o[0]) + phi_i + turn).ravel(),
         )
 
 
+def _theta_h_at(angle: float, theta_i: float, phi_h: Array, theta_end: Array) -> Array:
+    """Give the half vector's zenith angle whose wo is that far from the mirror direction."""
+    low, high = np.zeros_like(theta_end), theta_end.copy()
+    for _ in range(60):  # it grows with theta_h: halved until nothing is left
+        theta_h = 0.5 * (low + high)
+        i_dot_h = np.sin(theta_i) * np.sin(theta_h) * np.cos(phi_h)
+        i_dot_h = i_dot_h + np.cos(theta_i) * np.cos(theta_h)
+        # |r - wo| = 2 |(i.n) n - (i.h) h|
+        length2 = np.cos(theta_i) ** 2 + i_dot_h**2
+        length2 = length2 - 2.0 * np.cos(theta_i) * i_dot_h * np.cos(theta_h)
+        beyond = np.sqrt(np.maximum(length2, 0.0)) > np.sin(0.5 * angle)
+        high = np.where(beyond, theta_h, high)
+        low = np.where(beyond, low, theta_h)
+    return 0.5 * (low + high)
+
+
 @lru_cache(maxsize=64)
-def coarse_grid(device: Device, theta_i: float, phi_i: float, refine: int = 1) -> HemisphereGrid:
+def coarse_grid(
+    device: Device,
+    theta_i: float,
+    phi_i: float,
+    refine: int = 1,
+    back: bool = False,
+    edge: float | None = None,
+) -> HemisphereGrid:
     """Give a grid good to three digits, kept for the next model (1 MB each times `refine`)."""
-    return HemisphereGrid(device, theta_i, phi_i, order=4, azimuths=64 * refine)
+    return HemisphereGrid(device, theta_i, phi_i, 4, 64 * refine, back, edge)
 
 
 def azimuth_refinement(model: Model, x: Array) -> int:
@@ -121,15 +171,18 @@ def azimuth_refinement(model: Model, x: Array) -> int:
     return int(2 ** np.ceil(np.log2(np.clip(largest / 4.0, 1.0, 32.0))))
 
 
-def basis_albedo(program: ModelProgram, grid: HemisphereGrid, x: Array) -> Array:
+def basis_albedo(
+    program: ModelProgram, grid: Callable[[bool, float | None], HemisphereGrid], x: Array
+) -> Array:
     """Integrate each basis function times cos_theta_o over the hemisphere.
 
     Parameters
     ----------
     program : ModelProgram
         The model.
-    grid : HemisphereGrid
-        One direction of incidence.
+    grid : callable
+        Gives the grid for one direction of incidence, from (back, edge) of
+        `HemisphereGrid`; each term of the model has the one that follows its peak.
     x : ndarray, shape (P, n_x)
         Nonlinear parameters.
 
@@ -138,7 +191,24 @@ def basis_albedo(program: ModelProgram, grid: HemisphereGrid, x: Array) -> Array
     ndarray, shape (P, n_basis)
         Directional albedo of each basis function.
     """
-    return basis_values(program, grid.directions, x) @ grid.weights
+    names = [p.name for p in program.model.nonlinear]
+    values: dict[tuple[bool, float | None], Array] = {}
+    columns = []
+    first = 0
+    for term in program.model.terms:
+        own = slice(first, first + len(term.coefficients))
+        first = own.stop
+        edge = None if term.edge is None else float(x[0, names.index(term.edge)])
+        total = np.zeros((len(x), own.stop - own.start))
+        for peak in term.lobe.peaks:
+            kind = (peak == "back", edge)
+            nodes = grid(*kind)
+            if kind not in values:
+                values[kind] = basis_values(program, nodes.directions, x)
+            weights = nodes.weights if len(term.lobe.peaks) == 1 else nodes.shares
+            total += values[kind][:, own] @ weights
+        columns.append(total)
+    return np.concatenate(columns, axis=1)
 
 
 def directional_albedo(
@@ -184,7 +254,6 @@ def directional_albedo(
     azimuths = 256 * max(azimuth_refinement(known, x[0]) // 2, 1)
     columns = []
     for theta in angles:
-        grid = HemisphereGrid(opened, float(theta), float(phi_i), azimuths=azimuths)
+        grid = cache(partial(HemisphereGrid, opened, float(theta), float(phi_i), 8, azimuths))
         columns.append((basis_albedo(program, grid, x) * coefficients).sum(axis=1))
-        grid.directions.release()
     return np.stack(columns, axis=1)

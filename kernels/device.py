@@ -268,6 +268,14 @@ class Device:
             return self._programs[key]
 
 
+def _tried(device: Device) -> Device:
+    # It needs the program's text, which needs no device.
+    from lobefit.kernels.self_test import self_test
+
+    self_test(device)
+    return device
+
+
 _open: dict[str, Device] = {}
 _open_lock = threading.Lock()
 
@@ -286,7 +294,8 @@ def get_device(spec: str | Device | None = None) -> Device:
     Raises
     ------
     DeviceError
-        Nothing matches, no double precision, no linker; with what to do.
+        Nothing matches, no double precision, no linker, or the device computes
+        wrongly (`lobefit.kernels.self_test`); with what to do.
     """
     _check_fork()
     if isinstance(spec, Device):
@@ -296,6 +305,6 @@ def get_device(spec: str | Device | None = None) -> Device:
         if wanted not in _open:
             info, device = _select(wanted or None)
             same = next((d for d in _open.values() if d.info == info), None)
-            _open[wanted] = same or Device(info, device)
+            _open[wanted] = same or _tried(Device(info, device))
         opened = _open[wanted]
     return opened

@@ -96,8 +96,9 @@ class Choice:
     parameters : tuple of Parameter
         Placed between the lobe's own linear and nonlinear parameters.
     factors : tuple of tuple of str
-        Every coefficient of the lobe is multiplied by each of these, so that one
-        basis function becomes as many as there are factors; () is a factor 1.
+        Every coefficient of the lobe, but for a k_d alone (a diffuse base of its own),
+        is multiplied by each of these, so that one basis function becomes as many as
+        there are factors; () is a factor 1.
     """
 
     parameters: tuple[Parameter, ...] = ()
@@ -181,6 +182,12 @@ class Lobe:
     axes : tuple of str or None
         Names of (alpha_x, alpha_y, phi_x) of an anisotropic lobe, kept in the
         order alpha_x >= alpha_y so that labels are unique.
+    peaks : tuple of str
+        Where the lobe may be narrow: about the "mirror" direction, "back" towards the
+        light, or both. Quadratures follow it.
+    edge : str or None
+        The parameter that is the angle from the mirror direction where the lobe ends
+        abruptly, if it does.
     uses : tuple of str
         Shared pieces of ``cl/`` that the formula needs, in order.
     references : tuple of Reference
@@ -204,6 +211,8 @@ class Lobe:
     choices: Mapping[str, Choice] = field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
     axes: tuple[str, str, str] | None = None
+    peaks: tuple[str, ...] = ("mirror",)
+    edge: str | None = None
     uses: tuple[str, ...] = ()
 
     def chosen(self, options: Mapping[str, str]) -> Lobe:
@@ -223,7 +232,9 @@ class Lobe:
         brought = [self.choices[name] for name in picked.values() if name in self.choices]
         coefficients = self.coefficients
         for choice in brought:
-            coefficients = tuple(c + f for c in coefficients for f in choice.factors)
+            coefficients = tuple(
+                c + f for c in coefficients for f in (((),) if c == ("k_d",) else choice.factors)
+            )
         return replace(
             self,
             parameters=(
@@ -249,6 +260,10 @@ class Lobe:
                 not {*self.sets, *(s for v in self.variants for s in v.sets or ())} <= set(SETS)
                 or not {s for sets in self.partners.values() for s in sets} <= set(SETS),
                 f"belongs to an unknown set; known are {SETS}",
+            ),
+            (
+                not self.peaks or not set(self.peaks) <= {"mirror", "back"},
+                "has its peak neither about the mirror direction nor back",
             ),
             (
                 len({v.name for v in self.variants}) < len(self.variants),
@@ -314,12 +329,18 @@ class Lobe:
                     "has a k_d of its own beside the diffuse term",
                 ),
                 (
-                    any(bounds.get(c[1], (0.0,))[0] != 0.0 for c in self.coefficients if len(c) == 2),
+                    any(
+                        bounds.get(c[1], (0.0,))[0] != 0.0 for c in self.coefficients if len(c) == 2
+                    ),
                     "has a ratio whose lower bound is not 0",
                 ),
                 (
                     self.axes is not None and not set(self.axes) <= set(names),
                     "names axes that are not its parameters",
+                ),
+                (
+                    self.edge is not None and self.edge not in names,
+                    "has its edge at what is not its parameter",
                 ),
             ]
         )

@@ -1,8 +1,8 @@
 """Measured refractive indices of metals, for the exact Fresnel term of the microfacet models.
 
-`metals.csv` holds n and k of evaporated films from 375.7 to 799.9 nm in steps of 0.05 eV, as the
-renderers pbrt-v4 and Mitsuba 3 distribute them (the collection of luxpop.com; copper is the
-tabulation of E. D. Palik, Handbook of Optical Constants of Solids, 1985). Films differ: P. B.
+`metals.csv` holds n and k from 375.7 to 799.9 nm in steps of 0.05 eV, as the renderers pbrt-v4
+and Mitsuba 3 distribute them (the collection of luxpop.com; copper agrees within 0.007 with the
+tabulation of E. D. Palik, Handbook of Optical Constants of Solids, 1985). Samples differ: P. B.
 Johnson & R. W. Christy, Phys. Rev. B 6, 4370 (1972), give copper the linear sRGB reflectance
 0.932, 0.623, 0.522 at normal incidence where this table gives 0.955, 0.638, 0.538.
 
@@ -11,9 +11,9 @@ at three of them. The RGB indices therefore reproduce two colours, each integrat
 table with the CIE 1931 observer under D65 and converted to linear sRGB: the one at normal
 incidence and the one at cos_theta_d = 1/7, about 82 degrees, where metals depart from Schlick's
 curve. At every other angle up to 89 degrees the exact Fresnel equations then stay within 0.006
-of the integrated colour. Gold is out of the gamut: its red would be 1.022, which no refractive
-index reflects; a reflectance is limited to the largest that the metal has at any wavelength
-of 380 to 780 nm, 0.972 for gold. (A Schlick term has no such limit but F0 <= 1.)
+of the integrated colour, but for the red of gold. That is out of the gamut: it would be 1.022 at
+normal incidence, which no refractive index reflects. The reflectance there is limited to the
+largest that the metal has at any wavelength from 380 to 780 nm, which is 0.972 for gold.
 """
 
 from __future__ import annotations

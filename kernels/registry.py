@@ -48,6 +48,11 @@ class Term:
         return tuple(tuple(n + self.suffix for n in c) for c in self.lobe.coefficients)
 
     @property
+    def edge(self) -> str | None:
+        """Name of the angle from the mirror direction where the lobe ends, if it does."""
+        return None if self.lobe.edge is None else self.lobe.edge + self.suffix
+
+    @property
     def axes(self) -> tuple[str, str, str] | None:
         """Names of (alpha_x, alpha_y, phi_x), where the lobe is anisotropic."""
         if self.lobe.axes is None:

@@ -19,24 +19,30 @@ from lobefit.kernels.program import ModelProgram, build_options
 
 __all__ = ["Metric", "Observations", "Sums", "chi_square", "normal_equations", "transform"]
 
-Metric = Literal["identity", "log", "cube_root"]
-METRICS: dict[str, int] = {"identity": 0, "log": 1, "cube_root": 2}
+Metric = Literal["identity", "log", "cube_root", "cosine_log"]
+METRICS: dict[str, int] = {"identity": 0, "log": 1, "cube_root": 2, "cosine_log": 3}
 
 Array = NDArray[np.float64]
 
 
-def transform(values: Array, metric: Metric) -> Array:
+def transform(values: Array, metric: Metric, cos_theta_i: Array | None = None) -> Array:
     """Apply the transform in which residuals are taken.
 
     Parameters
     ----------
     values : ndarray
-        BRDF values; for "log" positive ones.
-    metric : {"identity", "log", "cube_root"}
-        The transform.
+        BRDF values; for "log" positive ones, for "cosine_log" above -1/cos_theta_i.
+    metric : {"identity", "log", "cube_root", "cosine_log"}
+        The transform; "cosine_log" is ln(1 + f cos_theta_i) of Low et al. 2012.
+    cos_theta_i : ndarray, optional
+        Cosines of incidence of the values; "cosine_log" needs them.
     """
     if metric == "log":
         return np.log(values)
+    if metric == "cosine_log":
+        if cos_theta_i is None:
+            raise ModelError("the metric cosine_log needs the cosines of incidence")
+        return np.log1p(values * cos_theta_i)
     return np.cbrt(values) if metric == "cube_root" else values
 
 
@@ -51,9 +57,10 @@ class Observations:
         BRDF per channel; not finite means missing.
     weights : ndarray, shape (C, N)
         Weight of each squared residual; missing and invisible ones become 0.
-    metric : {"identity", "log", "cube_root"}
+    metric : {"identity", "log", "cube_root", "cosine_log"}
         Residuals are taken between the transforms of value and model. With
-        "log" values that are not positive get no weight.
+        "log" values that are not positive get no weight, with "cosine_log"
+        those that are not above -1/cos_theta_i.
 
     Attributes
     ----------
@@ -76,8 +83,12 @@ class Observations:
         self.metric: Metric = metric
         self.channels = len(values)
         self.used = np.isfinite(values) & directions.visible
+        cosines = None
         if metric == "log":
             self.used &= values > 0.0
+        elif metric == "cosine_log":
+            cosines = directions.plane("cos_theta_i")
+            self.used &= values * cosines > -1.0
         # A model value this small ends the logarithm's domain: far below any datum.
         smallest = np.min(np.abs(values), where=self.used & (values != 0.0), initial=1.0)
         self.tiny = float(1e-6 * smallest + 1e-30)
@@ -89,7 +100,8 @@ class Observations:
         if metric == "identity":
             self._upload(self.values, values)
         else:
-            self._upload(self.values, transform(np.where(self.used, values, 1.0), metric))
+            usable = np.where(self.used, values, 1.0)
+            self._upload(self.values, transform(usable, metric, cosines))
         self.set_weights(weights)
 
     def _upload(self, buffer: Any, rows: Array) -> None:
@@ -132,6 +144,7 @@ def _launch(
     x: Array,
     coefficients: Array,
     steps: Array | None,
+    centres: Array | None = None,
     *,
     gram: bool,
 ) -> Array:
@@ -160,8 +173,8 @@ def _launch(
         build_options(d.width, d.precision),
     )
     out = np.empty((sets, d.n_chunks, channels, n_sums))
-    # One small upload: x, steps, coefficients behind one another.
-    parts = (x, x if steps is None else steps, coefficients)
+    # One small upload: x, centres, steps, coefficients behind one another.
+    parts = (x, x if centres is None else centres, x if steps is None else steps, coefficients)
     packed = np.concatenate([p.ravel() for p in parts]).astype(d.dtype)
     flags = cl.mem_flags
     with opencl_errors(f"summing {program.model.name}"):
@@ -219,6 +232,7 @@ def normal_equations(
     x: Array,
     coefficients: Array | None = None,
     steps: Array | None = None,
+    centres: Array | None = None,
 ) -> Sums:
     """Sum the normal equations around given coefficients.
 
@@ -231,7 +245,11 @@ def normal_equations(
         the right-hand side of the linear problem and ``chi_square`` is sum w y^2.
     steps : ndarray, shaped as x, optional
         Half widths of the central differences; with them the derivatives along
-        the nonlinear parameters follow the basis columns.
+        the nonlinear parameters follow the basis columns; 0 where not a step is
+        taken, and the derivative 0.
+    centres : ndarray, shaped as x, optional
+        Where the differences are centred, each parameter by itself; x where left out.
+        Beside a bound they must not leave the formula's domain.
 
     Returns
     -------
@@ -239,7 +257,7 @@ def normal_equations(
     """
     if coefficients is None:
         coefficients = np.zeros((len(x), observations.channels, program.n_basis))
-    raw = _launch(program, observations, x, coefficients, steps, gram=True)
+    raw = _launch(program, observations, x, coefficients, steps, centres, gram=True)
     columns = program.n_basis + (len(program.derivatives) if steps is not None else 0)
     upper = np.triu_indices(columns)
     gram = np.zeros((*raw.shape[:2], columns, columns))

@@ -1,4 +1,4 @@
-"""The command line: ``lobefit fit``, ``models``, ``devices`` and ``simulate``.
+"""The command line: ``lobefit fit``, ``export``, ``models``, ``devices`` and ``simulate``.
 
 Answers go to standard output, progress and complaints to standard error. Exit status: 0 if all
 went well, 2 for bad input (one line says what and where), 130 when interrupted.
@@ -18,6 +18,7 @@ import typer
 from typer.core import TyperGroup
 
 from lobefit import __version__
+from lobefit.service.export import export
 
 __all__ = ["app", "main"]
 
@@ -80,17 +81,24 @@ def _options(
 
 @app.command()
 def fit(
-    file: Annotated[Path, typer.Argument(help="Measurement: a Lobefit CSV, also .csv.gz.")],
+    file: Annotated[Path, typer.Argument(help="Measurement: a CSV, .csv.gz or MERL .binary.")],
     models: Annotated[
         str,
-        typer.Option(help="quick, standard, all, or candidates such as ggx,ward:isotropic."),
+        typer.Option(help="quick, standard, all, or candidates such as ggx,ggx:conductor,ggx+ggx."),
     ] = "standard",
     metric: Annotated[
-        str, typer.Option(help="How to weigh residuals: auto, chi2, relative, log, cube_root.")
+        str,
+        typer.Option(
+            help="How to weigh residuals: auto, chi2, relative, log, cube_root, cosine_log."
+        ),
     ] = "auto",
     max_theta: Annotated[
         float | None,
         typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(help="A choice for every model that has it, as fresnel=f82; repeatable."),
     ] = None,
     out: Annotated[
         Path | None,
@@ -120,7 +128,12 @@ def fit(
     digest = _sha256(file)
     with _progress() as progress:
         report = fit_models(
-            measurement, models=models, metric=metric, device=device, progress=progress
+            measurement,
+            models=models,
+            metric=metric,
+            options=dict(_settings(option, "--option")),
+            device=device,
+            progress=progress,
         )
     added = {"sha256": digest} | ({} if max_theta is None else {"max_theta_deg": max_theta})
     report = replace(report, settings={**report.settings, **added})
@@ -138,10 +151,19 @@ def fit(
         typer.echo(f"\nWritten to {out}: {names}")
 
 
+app.command()(export)
+
+
 @app.command()
 def models(
     name: Annotated[str | None, typer.Argument(help="Show the manual page of this model.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Measure the cost in ns per direction.")
+    ] = False,
+    device: Annotated[
+        str | None, typer.Option(help="With --bench: an OpenCL device; see `devices`.")
+    ] = None,
 ) -> None:
     """List the models, or show the manual page of one."""
     from lobefit.kernels import get_model
@@ -149,14 +171,24 @@ def models(
     from lobefit.service.texts import manual_page, model_document, model_list
 
     chosen = {name: get_model(name.partition(":")[0])} if name else all_models()
+    costs: dict[str, Any] = {}
+    if bench:
+        from lobefit.kernels.cost import model_cost
+
+        with _progress() as progress:
+            for k, (key, model) in enumerate(chosen.items()):
+                if progress:
+                    progress(k, len(chosen), key)
+                costs[key] = model_cost(model, device=device)
     if as_json:
         from lobefit.fitting.document import to_json
 
-        typer.echo(to_json({"models": [model_document(m) for m in chosen.values()]}))
+        listed = [model_document(m, costs.get(key)) for key, m in chosen.items()]
+        typer.echo(to_json({"models": listed}))
     elif name:
-        typer.echo(manual_page(chosen[name]))
+        typer.echo(manual_page(chosen[name], costs.get(name)))
     else:
-        typer.echo(model_list(chosen.values()))
+        typer.echo(model_list(chosen.values(), list(costs.values())))
         typer.echo("\n`lobefit models NAME` shows the formula, its source and its parameters.")
 
 

@@ -20,7 +20,7 @@ CHECKOUT = Path(__file__).parents[1]
 # A room may import itself and what stands before it.
 ROOMS = ("kernels", "fitting", "service")
 # Folders of the checkout whose files must stay readable; data are no text to read.
-READABLE = ("kernels", "fitting", "service", "src", "tests", "benchmarks", "samples")
+READABLE = ("kernels", "fitting", "service", "src", "tests", "benchmarks", "samples", "docs")
 SOURCE_ENDINGS = {".py", ".cl", ".h"}
 MOST_LINES = 400
 

@@ -48,8 +48,18 @@ static inline real ggx_root(const real cos_theta, const scalar alpha) {
 }
 
 // Smith's Lambda for Beckmann; Heitz 2014, eq. 72. alpha2_sin2 = (alpha sin(theta))^2.
-// Where erf(a) - 1 loses its digits, Lambda is nothing beside the 1 it is added to.
+// Where erf(a) - 1 loses its digits, Lambda is nothing beside the 1 it is added to: an
+// absolute error of the rounding is enough. In single precision that allows a polynomial
+// (Abramowitz & Stegun 1964, 7.1.26, 1.5e-7), several times as fast as erf.
 static inline real beckmann_lambda(const real cos_theta, const real alpha2_sin2) {
   const real a = cos_theta * rsqrt(fmax(alpha2_sin2, 1e-28));
+#if PRECISION == 32
+  const real t = 1.0 / (1.0 + 0.3275911 * a);
+  const real p = -1.453152027 + t * 1.061405429;
+  const real erfc_over_exp =
+      t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * p)));
+  return exp(-square(a)) * (0.28209479177387814 / a - 0.5 * erfc_over_exp);
+#else
   return 0.5 * (erf(a) - 1.0) + 0.28209479177387814 * exp(-square(a)) / a;
+#endif
 }

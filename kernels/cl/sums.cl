@@ -9,15 +9,19 @@
 // A work-item owns one chunk of directions and one set. On a CPU a chunk is
 // contiguous (STRIDED 0); on a GPU neighbours read neighbours (STRIDED 1).
 
+// n_i is cos(theta_i), plane 0 of the directions.
 #if METRIC == 0  // identity
-#define TRANSFORM(f) (f)
-#define SLOPE(f, t) ((real)(1.0))
+#define TRANSFORM(f, n_i) (f)
+#define SLOPE(f, t, n_i) ((real)(1.0))
 #elif METRIC == 1  // logarithm
-#define TRANSFORM(f) log(f)
-#define SLOPE(f, t) (1.0 / (f))
-#else  // cube root
-#define TRANSFORM(f) exp2(log2(f) * (1.0 / 3.0))
-#define SLOPE(f, t) ((t) / (3.0 * (f)))
+#define TRANSFORM(f, n_i) log(f)
+#define SLOPE(f, t, n_i) (1.0 / (f))
+#elif METRIC == 2  // cube root
+#define TRANSFORM(f, n_i) exp2(log2(f) * (1.0 / 3.0))
+#define SLOPE(f, t, n_i) ((t) / (3.0 * (f)))
+#else  // logarithm of 1 + f cos(theta_i)
+#define TRANSFORM(f, n_i) log1p((f) * (n_i))
+#define SLOPE(f, t, n_i) ((n_i) / (1.0 + (f) * (n_i)))
 #endif
 
 // With CHANNEL_X each channel has nonlinear parameters of its own.
@@ -38,8 +42,9 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
                           global const scalar *parameters, const scalar tiny,
                           const int n_chunks, const int blocks_per_chunk, global double *out) {
   const int chunk = get_global_id(0), set = get_global_id(1), n_sets = get_global_size(1);
-  global const scalar *all_x = parameters, *all_steps = all_x + n_sets * N_GROUPS * N_X;
-  global const scalar *coefficients = all_steps + n_sets * N_GROUPS * N_X;
+  const int n_x = n_sets * N_GROUPS * N_X;
+  global const scalar *all_x = parameters, *all_centres = all_x + n_x;
+  global const scalar *all_steps = all_centres + n_x, *coefficients = all_steps + n_x;
   global double *sums = out + (size_t)(set * n_chunks + chunk) * n_channels * N_SUMS;
   for (int s = 0; s < n_channels * N_SUMS; ++s) sums[s] = 0.0;
 
@@ -47,11 +52,12 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
     global const scalar *x = all_x + (set * N_GROUPS + group) * N_X;
     const constants c = prepare(x);
 #if DERIVATIVES
+    global const scalar *centres = all_centres + (set * N_GROUPS + group) * N_X;
     global const scalar *steps = all_steps + (set * N_GROUPS + group) * N_X;
     constants ahead[N_X], behind[N_X];
     for (int j = 0; j < N_X; ++j) {
       scalar moved[N_X];
-      for (int i = 0; i < N_X; ++i) moved[i] = x[i];
+      for (int i = 0; i < N_X; ++i) moved[i] = i == j ? centres[i] : x[i];
       moved[j] += steps[j];
       ahead[j] = prepare_private(moved);
       moved[j] -= 2 * steps[j];
@@ -73,7 +79,7 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
           real plus[N_BASIS], minus[N_BASIS];
           evaluate_basis(g, &ahead[j], plus);
           evaluate_basis(g, &behind[j], minus);
-          const scalar per_step = 0.5 / steps[j];
+          const scalar per_step = steps[j] > 0.0 ? 0.5 / steps[j] : 0.0;
           fill_derivatives(j, plus, minus, per_step, columns[b] + N_BASIS);
         }
 #endif
@@ -94,13 +100,13 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
 #if METRIC != 0
           f = fmax(f, tiny);
 #endif
-          const real t = TRANSFORM(f);
+          const real t = TRANSFORM(f, planes[first + b * stride]);
           const real residual = values[v] - t;
           const real w = weights[v];
 #if GRAM
           const real weighted_residual = w * residual;
           acc[0] += weighted_residual * residual;
-          const real slope = SLOPE(f, t);
+          const real slope = SLOPE(f, t, planes[first + b * stride]);
           int s = 1 + N_COLUMNS;
           for (int l = 0; l < N_COLUMNS; ++l) {
             const real column = slope * columns[b][l];

@@ -52,7 +52,6 @@ LOBE = Lobe(
     coefficients=(("k_s",),),
     reciprocal=True,
     isotropic=True,
-    sets=("quick", "standard", "all"),
     references=(
         Reference(
             params={"k_d": 0.2, "k_s": 0.5, "n": 10.0},

@@ -60,10 +60,11 @@ LOBE = Lobe(
     coefficients=(("k_s",),),
     reciprocal=True,
     isotropic=True,
+    sets=("quick", "standard", "all"),
     uses=("fresnel.h", "masking.h", "distributions.h"),
     options={"fresnel": FRESNEL},
     choices=FRESNEL_CHOICES,
-    variants=(Variant(name="k_s=1", fixed={"k_s": 1.0}),),
+    variants=(Variant(name="k_s=1", fixed={"k_s": 1.0}, sets=("standard", "all")),),
     references=(
         Reference(
             params={"k_d": 0.2, "k_s": 1.0, "F0": 0.04, "alpha": 0.3},

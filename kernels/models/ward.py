@@ -77,9 +77,17 @@ LOBE = Lobe(
     coefficients=(("k_s",),),
     reciprocal=True,
     isotropic=False,
-    sets=("quick", "standard", "all"),
+    uses=("ward.h",),
+    sets=("standard", "all"),
     axes=("alpha_x", "alpha_y", "phi_x"),
-    variants=(Variant(name="isotropic", fixed={"phi_x": 0.0}, tied={"alpha_y": "alpha_x"}),),
+    variants=(
+        Variant(
+            name="isotropic",
+            fixed={"phi_x": 0.0},
+            tied={"alpha_y": "alpha_x"},
+            sets=("quick", "standard", "all"),
+        ),
+    ),
     references=(
         Reference(
             params={"k_d": 0.1, "k_s": 0.3, "alpha_x": 0.3, "alpha_y": 0.1, "phi_x": 0.0},

@@ -54,6 +54,7 @@ class Opened:
 def choose(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """Give the id that would be opened if the machine had these devices."""
     monkeypatch.setattr(device, "Device", Opened)
+    monkeypatch.setattr(device, "_tried", lambda opened: opened)
     monkeypatch.setattr(shutil, "which", lambda _name: "/usr/bin/ld")
     monkeypatch.delenv(device.ENVIRONMENT_VARIABLE, raising=False)
 

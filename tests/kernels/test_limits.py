@@ -55,10 +55,11 @@ def test_lambert_albedo_is_k_d() -> None:
     np.testing.assert_allclose(found, [[0.2] * 3, [0.9] * 3], rtol=1e-7)
 
 
-@pytest.mark.parametrize("model", [name for name in models() if name != "lambert"])
+@pytest.mark.parametrize("model", [name for name, m in models().items() if m.lobe.diffuse])
 def test_without_a_lobe_only_lambert_remains(model: str) -> None:
     d = directions(100, seed=3)
-    f = evaluate(model, {"k_d": 0.7, "k_s": 0.0}, *d)
+    dark = {p.name: 0.0 for p in models()[model].lobe.parameters if p.linear}
+    f = evaluate(model, dark | {"k_d": 0.7}, *d)
     np.testing.assert_allclose(f, evaluate("lambert", {"k_d": 0.7}, *d), rtol=1e-15)
 
 
@@ -185,3 +186,32 @@ def test_mirror_peak_of_ggx() -> None:
     root = math.sqrt(1 + alpha**2 * math.tan(theta) ** 2)
     expected = 1 / (math.pi * alpha**2) / root / (4 * math.cos(theta) ** 2)
     assert f.item() == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.03, 1e-3])
+def test_albedo_follows_a_lobe_that_looks_back(alpha: float) -> None:
+    """By symmetry a retro lobe gives back what GGX with F = 1 does, however narrow."""
+    degrees = [0.0, 30.0, 60.0, 75.0]
+    retro = albedo_of("retro", LOBE | {"alpha": alpha}, degrees)
+    ggx = albedo_of("ggx", LOBE | {"alpha": alpha}, degrees, {"fresnel": "none"})
+    assert retro == pytest.approx(ggx, abs=1e-9)
+    summed = {"k_d": 0.1, "k_s_1": 0.5, "F0_1": 1.0, "alpha_1": alpha, "k_s_2": 0.4}
+    both = albedo_of("ggx+retro", summed | {"alpha_2": alpha}, degrees)
+    assert both == pytest.approx([0.1 + 0.9 * value for value in ggx], abs=1e-6)
+
+
+@pytest.mark.parametrize("aperture", [1e-3, 0.02, 0.2])
+def test_albedo_of_a_mirror_is_its_reflectance_in_spite_of_its_edge(aperture: float) -> None:
+    found = albedo_of("mirror", LOBE | {"k_s": 0.8, "aperture": aperture}, [0.0, 30.0, 60.0, 75.0])
+    assert found == pytest.approx([0.8] * 4, abs=1e-6)
+
+
+def test_albedo_of_a_lobe_that_may_look_either_way() -> None:
+    """Lafortune's lobe with C = 1 is the modified Phong lobe, with C = -1 its retro image."""
+    degrees = [0.0, 30.0, 60.0, 75.0]
+    for n in (20.0, 2e4):
+        phong = albedo_of("modified_phong", LOBE | {"n": n}, degrees)
+        for C in (1.0, -1.0):
+            found = albedo_of("lafortune", LOBE | {"n": n, "C": C}, degrees)
+            # Two grids share the integral; their weights are less smooth than the lobe.
+            assert found == pytest.approx(phong, abs=5e-5)

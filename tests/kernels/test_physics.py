@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lobefit.kernels
-from lobefit.kernels import evaluate, models
+from lobefit.kernels import Model, evaluate, models
 from lobefit.kernels.geometry import Precision
 from tests.kernels.strategies import (
     Directions,
@@ -48,7 +49,8 @@ def test_reference_values_of_the_record(name: str) -> None:
     for row in references:
         angles = np.radians([row.theta_i, row.phi_i, row.theta_o, row.phi_o])
         # Values are given to 16 digits; the angles are rounded on their way to radians.
-        assert evaluate(name, row.params, *angles).item() == pytest.approx(row.value, rel=1e-12)
+        f = evaluate(name, row.params, *angles, options=row.options)
+        assert f.item() == pytest.approx(row.value, rel=1e-12)
 
 
 def test_models_stays_a_function_when_they_are_loaded() -> None:
@@ -99,14 +101,17 @@ def test_double_agrees_at_awkward_directions(name: str, data: st.DataObject) -> 
 @given(data=st.data())
 @examples
 def test_single_agrees_with_double(name: str, d: Directions, data: st.DataObject) -> None:
-    params = data.draw(legal_params(models()[name]))
+    # Parameters are rounded first: what a number of 24 bits cannot say is no error of the sum.
+    params = rounded(models()[name], data.draw(legal_params(models()[name])))
     double = values(name, params, d)
     single = values(name, params, d, precision="single")
     # Parameters and slopes carry 6e-8 each; in an exponent of 80, the largest above 1e-30 or
     # so, that is 1e-5. The narrow axis of an anisotropic lobe sees the rounding of slopes six
     # times as long as the wide axis, and that error again times 16 in the exponent.
     rtol = 2e-5 + 6e-6 * elongation(name, params)
-    np.testing.assert_allclose(single, double, rtol=rtol, atol=1e-30)
+    # A lobe that ends at a zero of its base (Lafortune's) keeps 1e-6 of its height there.
+    steep = values(name, params, ORDINARY)[:, np.maximum(*ORDINARY[::2]) < math.radians(60)]
+    np.testing.assert_allclose(single, double, rtol=rtol, atol=1e-30 + 1e-6 * float(steep.max()))
 
 
 @every_model
@@ -118,27 +123,6 @@ def test_finite_and_not_negative(name: str, precision: Precision, data: st.DataO
     f = values(name, params, AWKWARD, precision=precision)
     assert np.all(np.isfinite(f))
     assert np.all(f >= 0)
-
-
-@pytest.mark.parametrize(
-    ("name", "option", "choice"),
-    [
-        (name, option, choice)
-        for name, model in models().items()
-        for option, choices in model.lobe.options.items()
-        for choice in choices
-    ],
-)
-@given(data=st.data())
-@examples
-def test_every_option_is_a_brdf(name: str, option: str, choice: str, data: st.DataObject) -> None:
-    params = data.draw(legal_params(models()[name]))
-    f = evaluate(name, params, *AWKWARD, options={option: choice})
-    assert np.all(np.isfinite(f))
-    assert np.all(f >= 0)
-    if models()[name].reciprocal:
-        swapped = evaluate(name, params, *AWKWARD.swapped(), options={option: choice})
-        np.testing.assert_allclose(swapped, f, rtol=1e-13, atol=1e-200)
 
 
 @pytest.mark.parametrize("name", [name for name in models() if models()[name].reciprocal])
@@ -171,12 +155,7 @@ def test_turning_the_sample(name: str, data: st.DataObject, angle: float) -> Non
     """Isotropic: only phi_o - phi_i matters. Anisotropic: the axes turn with the sample."""
     params = data.draw(legal_params(models()[name]))
     f = values(name, params, ORDINARY)
-    axes = models()[name].lobe.axes
-    if axes is not None:
-        phi_x = axes[2]
-        before = params[phi_x]
-        assert isinstance(before, float)
-        params = params | {phi_x: (before + angle) % math.pi}
+    params = turned_axes(models()[name], params, lambda phi_x: phi_x + angle)
     turned = values(name, params, rotated(ORDINARY, angle))
     # The sum phi + angle is rounded to 1e-15, ten times what vectors carry
     # otherwise; the tolerance is that of the transcription, times ten.
@@ -201,12 +180,7 @@ def test_mirror_image(name: str, data: st.DataObject) -> None:
     """Reflecting everything at the xz plane, the axis included, changes nothing."""
     params = data.draw(legal_params(models()[name]))
     f = values(name, params, ORDINARY)
-    axes = models()[name].lobe.axes
-    if axes is not None:
-        phi_x = axes[2]
-        before = params[phi_x]
-        assert isinstance(before, float)
-        params = params | {phi_x: -before % math.pi}
+    params = turned_axes(models()[name], params, lambda phi_x: -phi_x)
     theta_i, phi_i, theta_o, phi_o = ORDINARY
     image = values(name, params, Directions(theta_i, -phi_i, theta_o, -phi_o))
     np.testing.assert_allclose(image, f, rtol=2e-9, atol=1e-12)
@@ -234,7 +208,41 @@ def off_default(name: str) -> Params:
     if model.lobe.axes is not None:
         wide, narrow, phi_x = model.lobe.axes
         params |= {wide: 0.45, narrow: 0.15, phi_x: 0.4}
+    elif not model.isotropic:  # what makes it so has its default where nothing is turned
+        params |= {p.name: 0.4 for p in model.nonlinear if p.default in p.bounds}
     return params
+
+
+def turned_axes(model: Model, params: Params, turn: Callable[[float], float]) -> Params:
+    """Change the azimuth of the sample's axes; the parameters with a period are such azimuths."""
+    turned = dict(params)
+    for p in model.parameters:
+        value = turned[p.name]
+        if p.period:
+            assert isinstance(value, float)
+            turned[p.name] = turn(value) % p.period
+    return turned
+
+
+def rounded(model: Model, params: Params) -> Params:
+    """Round to single precision, without leaving the bounds."""
+
+    def single(value: float, low: float, high: float) -> float:
+        near = np.float32(value)
+        if float(near) > high:
+            near = np.nextafter(near, np.float32(-np.inf))
+        if float(near) < low:
+            near = np.nextafter(near, np.float32(np.inf))
+        return float(near)
+
+    found: Params = {}
+    for p in model.parameters:
+        value = params[p.name]
+        if isinstance(value, list):
+            found[p.name] = [single(v, *p.bounds) for v in value]
+        else:
+            found[p.name] = single(value, *p.bounds)
+    return found
 
 
 def elongation(name: str, params: Params) -> float:

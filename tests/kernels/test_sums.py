@@ -43,15 +43,16 @@ def off_default(name: str, k: int) -> Params:
     """Give parameters inside their bounds, different for each k."""
     params: Params = {}
     for j, p in enumerate(get_model(name).parameters):
-        _, high = p.bounds
+        low, high = p.bounds
         if p.linear:
             params[p.name] = [0.2 + 0.1 * j + 0.05 * k, 0.3, 0.6][: 3 if p.per_channel else 1]
         elif p.period:
             params[p.name] = 0.3 + 0.2 * k
-        elif high > 10:  # an exponent
-            params[p.name] = 5.0 + 10 * k
-        else:
-            params[p.name] = 0.15 + 0.1 * j + 0.05 * k
+        elif p.scale == "log":
+            params[p.name] = min(p.default * (1.0 + 0.1 * (j % 4) + 0.2 * k), 0.9 * high)
+        else:  # from the default towards the bound that is farther away
+            far = high if high - p.default > p.default - low else low
+            params[p.name] = p.default + (0.1 + 0.05 * (j % 3) + 0.1 * k) * (far - p.default)
     return params
 
 
@@ -95,7 +96,9 @@ def in_numpy(case: Case, metric: Metric) -> tuple[Sums, Sums]:
     """Give the sums, and the sums of the sizes of their terms."""
     basis = case.basis()  # (P, K, N)
     f = np.einsum("pck,pkn->pcn", case.coefficients, basis)
-    used = np.isfinite(case.values) & ((case.values > 0) | (metric != "log"))
+    cosine = case.directions.plane("cos_theta_i")
+    least = {"log": 0.0, "cosine_log": -1 / cosine}.get(metric, -np.inf)
+    used = np.isfinite(case.values) & (case.values > least)
     y = np.where(used, case.values, 1.0)
     w = np.where(used, case.weights, 0.0)
     size = np.ones_like(f)
@@ -104,6 +107,8 @@ def in_numpy(case: Case, metric: Metric) -> tuple[Sums, Sums]:
         size = 1.0 + np.abs(t)  # the logarithm's own rounding, of its argument
     elif metric == "cube_root":
         t, measured, slope = np.cbrt(f), np.cbrt(y), np.cbrt(f) / (3 * f)
+    elif metric == "cosine_log":
+        t, measured, slope = np.log1p(f * cosine), np.log1p(y * cosine), 1 / (1 / cosine + f)
     else:
         t, measured, slope = f, y, np.ones_like(f)
     r = measured - t
@@ -122,7 +127,7 @@ def in_numpy(case: Case, metric: Metric) -> tuple[Sums, Sums]:
 
 def close(found: Array, expected: Array, scale: Array, tolerance: float) -> None:
     assert found.shape == expected.shape
-    error = np.abs(found - expected) / scale
+    error = np.abs(found - expected) / np.where(scale > 0.0, scale, 1.0)
     assert error.max() < tolerance, f"{error.max():.2e} of the terms' size"
 
 
@@ -184,6 +189,8 @@ def test_what_is_not_visible_or_not_finite_counts_nothing() -> None:
         "identity": ([True, False, False, False, True], 9.0),
         "cube_root": ([True, False, False, False, True], (np.cbrt(2.0) + 1.0) ** 2),
         "log": ([True, False, False, False, False], 0.0),
+        # 1 - 2 cos(0.2) < 0
+        "cosine_log": ([True, False, False, False, False], 0.0),
     }
     for metric in get_args(Metric):
         observations = Observations(d, values, np.full_like(values, np.nan), metric)
@@ -211,6 +218,24 @@ def test_transforms() -> None:
     assert transform(y, "identity") is y
     np.testing.assert_array_equal(transform(y, "log"), np.log(y))
     np.testing.assert_array_equal(transform(-y, "cube_root"), -np.cbrt(y))
+    cosine = np.array([1.0, 0.5, 0.25])
+    np.testing.assert_array_equal(
+        transform(-y[:2], "cosine_log", cosine[:2]), np.log1p([-1e-9, -0.25])
+    )
+    with pytest.raises(ModelError, match="cosines"):
+        transform(y, "cosine_log")
+
+
+def test_negative_values_count_where_the_logarithm_has_a_value() -> None:
+    theta_i = np.radians([0.0, 60.0, 60.0])
+    d = Directions(get_device(), theta_i, 0.0, 0.3, 0.5)
+    values = np.array([[-0.5, -1.9, -2.1]])
+    observations = Observations(d, values, np.ones_like(values), "cosine_log")
+    assert observations.used.tolist() == [[True, True, False]]
+    program = model_program(get_model("lambert"))
+    found = chi_square(program, observations, np.zeros((1, 0)), np.array([[[np.pi]]]))
+    expected = np.log(0.5 / 2) ** 2 + np.log(0.05 / 1.5) ** 2
+    assert found.item() == pytest.approx(expected, rel=1e-13)
 
 
 def test_wrong_calls_are_refused() -> None:
@@ -228,6 +253,24 @@ def test_wrong_calls_are_refused() -> None:
 # its square times a third derivative (some hundreds, at 20 widths off the peak), and rounding
 # divided by the step.
 STEPS: dict[str, tuple[float, float]] = {"double": (1e-4, 2e-7), "single": (2e-3, 3e-4)}
+
+
+@every_precision
+def test_channels_with_parameters_of_their_own(precision: Precision) -> None:
+    """Sums with one set of nonlinear parameters per channel are those of each channel alone."""
+    case = make("ggx", 1, precision)
+    own = np.stack([case.x[0] * (1.0 + 0.2 * c) for c in range(len(case.values))])
+    c = case.coefficients[:1]
+    observations = Observations(case.directions, case.values, case.weights)
+    steps = 1e-3 * own
+    together = normal_equations(case.program, observations, own[None], c, steps[None])
+    squares = chi_square(case.program, observations, own[None], c)
+    for channel, x in enumerate(own):
+        alone = normal_equations(case.program, observations, x[None], c, steps[channel][None])
+        np.testing.assert_array_equal(together.gram[0, channel], alone.gram[0, channel])
+        np.testing.assert_array_equal(together.rhs[0, channel], alone.rhs[0, channel])
+        assert together.chi_square[0, channel] == alone.chi_square[0, channel]
+        assert squares[0, channel] == pytest.approx(alone.chi_square[0, channel], rel=1e-12)
 
 
 @pytest.mark.parametrize("name", [name for name in models() if models()[name].nonlinear])
@@ -248,8 +291,9 @@ def test_derivatives_agree_with_the_formula(name: str, precision: Precision) -> 
     c = np.broadcast_to(coefficients_of(model, full), (count, program.n_basis))[None]
     found = normal_equations(program, observations, x, c, steps)
     assert found.gram.shape == (1, count, *2 * (program.n_basis + len(program.derivatives),))
-    # The basis 1/pi of the diffuse term times the derivatives of all bases.
-    per_basis = found.gram[0, :, 0, program.n_basis :] * np.pi
+    # The first basis times the derivatives of all bases.
+    first = basis_values(program, d, x)[0, 0][:, None]
+    per_basis = found.gram[0, :, 0, program.n_basis :] / first
     transcription = load(name)
     exact = angles.exact()
     for j, p in enumerate(model.nonlinear):
