@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,7 +120,9 @@ class HemisphereGrid:
         )
 
 
-def _theta_h_at(angle: float, theta_i: float, phi_h: Array, theta_end: Array) -> Array:
+def _theta_h_at(
+    angle: float, theta_i: float, phi_h: Array, theta_end: NDArray[np.floating[Any]]
+) -> Array:
     """Give the half vector's zenith angle whose wo is that far from the mirror direction."""
     low, high = np.zeros_like(theta_end), theta_end.copy()
     for _ in range(60):  # it grows with theta_h: halved until nothing is left

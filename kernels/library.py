@@ -128,7 +128,7 @@ class Variant:
     name : str
         Written behind the model's name, as in ``ggx:k_s=1``.
     fixed : mapping of str to float
-        Parameters held at a value.
+        Parameters held at a value; also k_d of the diffuse term that is added.
     tied : mapping of str to str
         Parameters that follow another one, as in ``{"alpha_y": "alpha_x"}``.
     options : mapping of str to str
@@ -348,24 +348,26 @@ class Lobe:
     def _check_variant(self, variant: Variant) -> None:
         """Check a variant against the lobe with the variant's options chosen."""
         known = {p.name: p for p in self.parameters}
-        named = {*variant.fixed, *variant.tied, *variant.tied.values()}
+        # The diffuse term that is added can be left out: its k_d held at 0.
+        fixable = {"k_d": (0.0, math.inf)} if self.diffuse else {}
+        fixable |= {name: p.bounds for name, p in known.items()}
+        tied = {*variant.tied, *variant.tied.values()}
         self._complain(
             [
-                (not named <= set(known), "has a variant of a parameter that it does not declare"),
+                (
+                    not (tied <= set(known) and set(variant.fixed) <= set(fixable)),
+                    "has a variant of a parameter that it does not declare",
+                ),
                 (
                     any(
-                        not known[n].bounds[0] <= value <= known[n].bounds[1]
+                        not fixable[n][0] <= value <= fixable[n][1]
                         for n, value in variant.fixed.items()
-                        if n in known
+                        if n in fixable
                     ),
                     "has a variant that holds a parameter outside its bounds",
                 ),
                 (
-                    any(
-                        known[n].linear
-                        for n in (*variant.tied, *variant.tied.values())
-                        if n in known
-                    ),
+                    any(known[n].linear for n in tied if n in known),
                     "has a variant that ties linear parameters, which the solution cannot",
                 ),
             ]

@@ -26,7 +26,8 @@ mirror: B may then be too small to be seen, and A and g are what a measurement d
 For g >= 2 most of the light is inside the knee and TIS grows without a bound as B -> 0: a
 measurement that does not reach the knee says nothing of the TIS. x counts as 1e-12 where
 it is smaller, so that the peak is A/(B + 1e-12^g): A/B unless g is far below 1 or B at
-its bound. A large B leaves a constant that k_d gives too.
+its bound. A large B leaves a constant that k_d gives too; the variant `abg:k_d=0` has no
+diffuse term, as A, B and g are usually quoted.
 
 Source
 ------
@@ -44,7 +45,7 @@ from __future__ import annotations
 
 import math
 
-from lobefit.kernels.library import Lobe, Parameter, Reference
+from lobefit.kernels.library import Lobe, Parameter, Reference, Variant
 
 __all__ = ["LOBE"]
 
@@ -86,6 +87,7 @@ LOBE = Lobe(
     reciprocal=True,
     isotropic=True,
     sets=("standard", "all"),
+    variants=(Variant(name="k_d=0", fixed={"k_d": 0.0}, sets=("all",)),),
     uses=("projected.h",),
     references=(
         Reference(

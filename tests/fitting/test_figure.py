@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -128,6 +129,23 @@ def test_figure_of_hard_data(tmp_path: Path, scan: str) -> None:
 def test_figure_of_a_single_direction(tmp_path: Path) -> None:
     m = simulated("in-plane", ["brdf"]).select([3])
     write_figure(tmp_path / "fit.png", hand_made_report(m, hand_made_result(m, "ggx", GLOSSY)))
+    assert (tmp_path / "fit.png").stat().st_size > 10_000
+
+
+def test_figure_without_a_view_near_the_plane(tmp_path: Path) -> None:
+    """Each incidence has views, none within 10 degrees of its plane; the lobe is drawn there."""
+    scan = simulated("hemisphere incidences=20,50 theta_step=10 phi_step=90", ["brdf"])
+    m = replace(scan, phi_i=scan.phi_i + np.deg2rad(45.0))
+    m = m.select(m.theta_o > 0.01)
+    panels = choose_panels(m)
+    assert panels.width is None
+    for panel in panels.chosen:
+        assert panel.rows.size == 0
+        assert all(np.isfinite(axis).all() for axis in panel.line)
+        assert np.rad2deg(panel.line[3] - panel.line[1]) % 180 == pytest.approx(0.0, abs=1e-9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_figure(tmp_path / "fit.png", hand_made_report(m, hand_made_result(m, "ggx", GLOSSY)))
     assert (tmp_path / "fit.png").stat().st_size > 10_000
 
 

@@ -18,7 +18,7 @@ from tests.truth import deviations
 Array = npt.NDArray[np.float64]
 
 
-@pytest.mark.parametrize("metric", ["auto", "chi2", "relative", "log", "cube_root"])
+@pytest.mark.parametrize("metric", ["auto", "chi2", "relative", "log", "cube_root", "cosine_log"])
 @pytest.mark.parametrize("stated", [False, True])
 def test_every_metric_finds_the_surface(metric: str, stated: bool) -> None:
     m = simulate("ggx", GLOSSY, SCAN, (0.02, 1e-3), seed=3, sigma=stated)
@@ -43,7 +43,7 @@ def test_every_metric_finds_the_surface(metric: str, stated: bool) -> None:
 
 def test_metrics_without_a_likelihood_rank_by_their_residuals() -> None:
     glossy = simulate("ggx", GLOSSY, SCAN, (0.02, 1e-3), seed=1)
-    for metric in ("log", "cube_root"):
+    for metric in ("log", "cube_root", "cosine_log"):
         found = fit(glossy, FEW, metric=metric)
         rest = [r.objective for r in found.results[1:]]
         assert rest == sorted(rest)

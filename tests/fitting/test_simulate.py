@@ -15,7 +15,14 @@ from lobefit.fitting.readers.csv import read_measurement
 from lobefit.fitting.scan_patterns import Hemisphere, InPlane
 from lobefit.fitting.simulate import Geometry, simulate
 from lobefit.fitting.writers import write_measurement
-from lobefit.kernels import LobefitError, MeasurementError, ModelError, candidates, evaluate
+from lobefit.kernels import (
+    LobefitError,
+    MeasurementError,
+    ModelError,
+    candidate,
+    candidates,
+    evaluate,
+)
 from lobefit.kernels.evaluate import Params
 
 COPPER: Params = {"k_d": 0.02, "F0": [0.95, 0.64, 0.54], "alpha": 0.3}
@@ -39,7 +46,7 @@ def standardised(m: Measurement, relative: float, additive: float) -> Any:
 @pytest.mark.parametrize("name", EVERY_CANDIDATE)
 def test_every_candidate_without_noise_is_the_model(name: str, geometry: str) -> None:
     m = simulate(name, {}, geometry, noise=(0, 0))
-    model = name.partition(":")[0]
+    model = candidate(name).model
     exact = evaluate(model, json.loads(m.metadata["simulated_params"]), *directions(m))
     assert m.channels == ("brdf",)
     assert np.array_equal(m.values, exact)
@@ -47,7 +54,13 @@ def test_every_candidate_without_noise_is_the_model(name: str, geometry: str) ->
 
 @pytest.mark.parametrize("name", EVERY_CANDIDATE)
 def test_metadata_say_how_to_make_it_again(name: str) -> None:
-    first = simulate(name, {"k_d": [0.1, 0.2, 0.3]}, "in-plane step=10", (0.05, 0.002), seed=12)
+    chosen = candidate(name)
+    by_channel = next(
+        p.name for p in chosen.model.parameters if p.per_channel and p.name not in chosen.fixed
+    )
+    first = simulate(
+        name, {by_channel: [0.1, 0.2, 0.3]}, "in-plane step=10", (0.05, 0.002), seed=12
+    )
     said = first.metadata
     relative, additive = map(float, said["simulated_noise"].split(","))
     again = simulate(

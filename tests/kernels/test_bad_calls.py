@@ -64,7 +64,7 @@ def test_every_bound_is_enforced(name: str) -> None:
             continue
         low, high = parameter.bounds
         outside = [low - 1e-6 * max(abs(low), 1e-3)]
-        outside += [high * (1 + 1e-6)] if math.isfinite(high) else []
+        outside += [high + 1e-6 * max(abs(high), 1e-3)] if math.isfinite(high) else []
         for value in outside:
             message = message_of(name, {parameter.name: value})
             assert name in message

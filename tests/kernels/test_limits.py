@@ -195,7 +195,7 @@ def test_albedo_follows_a_lobe_that_looks_back(alpha: float) -> None:
     retro = albedo_of("retro", LOBE | {"alpha": alpha}, degrees)
     ggx = albedo_of("ggx", LOBE | {"alpha": alpha}, degrees, {"fresnel": "none"})
     assert retro == pytest.approx(ggx, abs=1e-9)
-    summed = {"k_d": 0.1, "k_s_1": 0.5, "F0_1": 1.0, "alpha_1": alpha, "k_s_2": 0.4}
+    summed: Params = {"k_d": 0.1, "k_s_1": 0.5, "F0_1": 1.0, "alpha_1": alpha, "k_s_2": 0.4}
     both = albedo_of("ggx+retro", summed | {"alpha_2": alpha}, degrees)
     assert both == pytest.approx([0.1 + 0.9 * value for value in ggx], abs=1e-6)
 

@@ -9,6 +9,7 @@ import pytest
 
 from lobefit.kernels import DeviceError, get_device
 from lobefit.kernels import self_test as module
+from lobefit.kernels.program import shared_text
 from lobefit.kernels.self_test import FUNCTIONS, self_test
 
 
@@ -29,7 +30,7 @@ def test_this_device_passes() -> None:
     ],
 )
 def test_a_wrong_function_is_named(monkeypatch: pytest.MonkeyPatch, broken: str, said: str) -> None:
-    types = module.shared_text("types.h")
+    types = shared_text("types.h")
     monkeypatch.setattr(module, "shared_text", lambda _name: f"{types}\n{broken}\n")
     with pytest.raises(DeviceError, match=said) as caught:
         self_test(get_device())

@@ -97,8 +97,8 @@ def in_numpy(case: Case, metric: Metric) -> tuple[Sums, Sums]:
     basis = case.basis()  # (P, K, N)
     f = np.einsum("pck,pkn->pcn", case.coefficients, basis)
     cosine = case.directions.plane("cos_theta_i")
-    least = {"log": 0.0, "cosine_log": -1 / cosine}.get(metric, -np.inf)
-    used = np.isfinite(case.values) & (case.values > least)
+    least: dict[str, Array | float] = {"log": 0.0, "cosine_log": -1 / cosine}
+    used = np.isfinite(case.values) & (case.values > least.get(metric, -np.inf))
     y = np.where(used, case.values, 1.0)
     w = np.where(used, case.weights, 0.0)
     size = np.ones_like(f)

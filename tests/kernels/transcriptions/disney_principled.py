@@ -61,6 +61,7 @@ def brdf(
     clearcoat: float,
     clearcoat_gloss: float,
     phi_x: float,
+    masking: str = "burley2012",
 ) -> Array:
     """Give f [C, N] in 1/sr."""
     g = geometry(theta_i, phi_i, theta_o, phi_o)
@@ -80,8 +81,15 @@ def brdf(
     alpha_x = max(0.001, roughness**2 / aspect)
     alpha_y = max(0.001, roughness**2 * aspect)
     F0 = mix(0.08 * specular * mix(1.0, hue, specular_tint), color, metallic)
-    alpha_g = (0.5 + roughness / 2) ** 2
-    G = smith_G1(g.i, alpha_g) * smith_G1(g.o, alpha_g)
+    if masking == "burley2012":
+        alpha_g = (0.5 + roughness / 2) ** 2
+        G = smith_G1(g.i, alpha_g) * smith_G1(g.o, alpha_g)
+    else:  # the addendum of 2014: the lobe's own roughnesses
+        c, s = np.cos(phi_x), np.sin(phi_x)
+        stretch = np.array(
+            [[alpha_x * c, alpha_x * s, 0], [-alpha_y * s, alpha_y * c, 0], [0, 0, 1]]
+        )
+        G = smith_G1(stretch @ g.i, 1.0) * smith_G1(stretch @ g.o, 1.0)
     lobe = gtr2(g, alpha_x, alpha_y, phi_x) * mix(F0, 1.0, F_h) * G / (4 * n_i * n_o)
 
     G_coat = smith_G1(g.i, 0.25) * smith_G1(g.o, 0.25)
