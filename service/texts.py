@@ -11,8 +11,9 @@ from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
 from lobefit.fitting.tables import aligned, cautions, parameters
-from lobefit.kernels import Model, get_model
+from lobefit.kernels import Model, Parameter, get_model
 from lobefit.kernels.cost import Cost
+from lobefit.kernels.library import SETS
 
 __all__ = [
     "manual_page",
@@ -60,6 +61,8 @@ def result_lines(report: FitReport) -> Iterator[str]:
     yield report.table()
     yield f"\n{best.candidate}: {model.title}"
     yield wrapped(f"  {model.convention}", "  ")
+    if best.options:
+        yield "  " + ", ".join(f"{option} {choice}" for option, choice in best.options.items())
     for line in parameters(best).splitlines():
         yield f"  {line}"
     yield wrapped(f"  {noise_line(best)}", "  ")
@@ -96,15 +99,16 @@ def noise_line(result: FitResult) -> str:
 
 def model_list(models: Iterable[Model], costs: Sequence[Cost] = ()) -> str:
     """Give a line for each model, with its cost where that was measured."""
-    rows = [("model", "sets", "variants", "")]
+    rows = [("model", "sets", "")]
     for m in models:
-        variants = ", ".join(f"{m.name}:{v.name}" for v in m.variants)
-        rows.append((m.name, ", ".join(m.sets), variants, m.title))
+        found = {*m.sets, *(s for v in m.variants for s in v.sets or ())}
+        sets = ", ".join(s for s in SETS if s in found) or "by name"
+        rows.append((m.name, sets, m.title))
     if not costs:
-        return "\n".join(aligned(rows, left=range(4)))
+        return "\n".join(aligned(rows, left=range(3)))
     measured = ["ns", *(f"{c.ns:.2f}" for c in costs)]
     table = [(row[0], ns, *row[1:]) for row, ns in zip(rows, measured, strict=True)]
-    return "\n".join([*aligned(table, left=(0, 2, 3, 4)), "", cost_line(costs[0].device)])
+    return "\n".join([*aligned(table, left=(0, 2, 3)), "", cost_line(costs[0].device)])
 
 
 def cost_line(device: str) -> str:
@@ -115,29 +119,69 @@ def cost_line(device: str) -> str:
     )
 
 
-def manual_page(model: Model, cost: Cost | None = None) -> str:
-    """Give the manual page with the tables of parameters and properties."""
-    rows = [("name", "unit", "range", "default", "", "meaning")]
-    for p in model.parameters:
+def _parameter_rows(parameters: Iterable[Parameter]) -> list[tuple[str, ...]]:
+    rows = []
+    for p in parameters:
         low, high = p.bounds
         kind = "per channel" if p.per_channel else "shared"
         if p.linear:
             kind += ", linear"
         rows.append((p.name, p.unit, f"{low:g} to {high:g}", f"{p.default:g}", kind, p.meaning))
+    return rows
+
+
+def _option_lines(model: Model) -> Iterator[str]:
+    """Give the choices of each option, and the parameters that choices bring."""
+    for option, choices in model.allowed.items():
+        yield f"{option}: {', '.join(choices)}"
+        default = {p.name for p in model.parameters}
+        for choice in choices[1:]:
+            chosen = model.choose({option: choice})
+            brought = [p for p in chosen.parameters if p not in model.parameters]
+            left = sorted(default - {p.name for p in chosen.parameters})
+            if brought or left:
+                without = f", without {', '.join(left)}" if left else ""
+                yield f"  {choice}{without}{':' if brought else ''}"
+                for line in aligned(_parameter_rows(brought), left=range(6)):
+                    yield f"    {line}"
+
+
+def manual_page(model: Model, cost: Cost | None = None) -> str:
+    """Give the manual page with the tables of parameters and properties."""
+    rows = [
+        ("name", "unit", "range", "default", "", "meaning"),
+        *_parameter_rows(model.parameters),
+    ]
     lines = [model.page, "", "Parameters", "----------", *aligned(rows, left=range(6))]
     flags = {"reciprocal": model.reciprocal, "isotropic": model.isotropic}
     said = [word if holds else f"not {word}" for word, holds in flags.items()]
     lines += ["", "Properties", "----------", f"{', '.join(said)}; {model.energy}"]
-    lines.append(f"candidate sets: {', '.join(model.sets)}")
+    lines.append(f"candidate sets: {', '.join(model.sets) or 'none; fitted where it is named'}")
     variants = ", ".join(f"{model.name}:{v.name}" for v in model.variants)
     if variants:
         lines.append(f"variants: {variants}")
-    for option, choices in model.allowed.items():
-        lines.append(f"option {option}: {', '.join(choices)}")
+    partners = ", ".join(f"{model.name}+{partner}" for partner in model.lobe.partners)
+    if partners:
+        lines.append(f"sums: {partners}; any other two lobes by name, as {model.name}+phong")
+    if model.allowed:
+        lines += ["", "Options", "-------", *_option_lines(model)]
     if cost:
         ends = f"{cost.fastest:.2f} to {cost.slowest:.2f}"
         lines += ["", "Cost", "----", f"{cost.ns:.2f} ns ({ends})", cost_line(cost.device)]
     return "\n".join(lines)
+
+
+def _parameter(p: Parameter) -> dict[str, Any]:
+    return {
+        "name": p.name,
+        "unit": p.unit,
+        "meaning": p.meaning,
+        "lower": p.bounds[0],
+        "upper": None if p.bounds[1] == float("inf") else p.bounds[1],
+        "default": p.default,
+        "per_channel": p.per_channel,
+        "linear": p.linear,
+    }
 
 
 def model_document(model: Model, cost: Cost | None = None) -> dict[str, Any]:
@@ -152,19 +196,13 @@ def model_document(model: Model, cost: Cost | None = None) -> dict[str, Any]:
         "isotropic": model.isotropic,
         "sets": list(model.sets),
         "variants": [f"{model.name}:{v.name}" for v in model.variants],
-        "options": {name: list(choices) for name, choices in model.allowed.items()},
-        "parameters": [
-            {
-                "name": p.name,
-                "unit": p.unit,
-                "meaning": p.meaning,
-                "lower": p.bounds[0],
-                "upper": None if p.bounds[1] == float("inf") else p.bounds[1],
-                "default": p.default,
-                "per_channel": p.per_channel,
-                "linear": p.linear,
+        "options": {
+            option: {
+                choice: [_parameter(p) for p in model.choose({option: choice}).parameters]
+                for choice in choices
             }
-            for p in model.parameters
-        ],
+            for option, choices in model.allowed.items()
+        },
+        "parameters": [_parameter(p) for p in model.parameters],
         "page": model.page,
     } | ({"cost": {"unit": "ns per direction", **asdict(cost)}} if cost else {})

@@ -250,14 +250,12 @@ def test_interruption_is_status_130_and_leaves_nothing(folder: Path, tmp_path: P
     assert not (tmp_path / "out").exists()
 
 
-def test_models_lists_every_model_with_its_sets_and_variants() -> None:
+def test_models_lists_every_model_with_its_sets() -> None:
     lines = call("models").stdout.splitlines()
     for name, model in models().items():
         line = next(line for line in lines if line.split()[:1] == [name])
         assert model.title in line
         assert ", ".join(model.sets) in line
-        for variant in model.lobe.variants:
-            assert f"{name}:{variant.name}" in line
 
 
 @pytest.mark.parametrize("name", list(models()))
@@ -271,6 +269,17 @@ def test_models_shows_the_manual_page(name: str) -> None:
         row = next(line for line in table if line.split()[:1] == [p.name])
         assert p.meaning in row
         assert f"{p.bounds[0]:g} to {p.bounds[1]:g}" in row
+    for variant in model.variants:
+        assert f"{name}:{variant.name}" in result.stdout
+
+
+def test_the_page_says_what_a_choice_brings() -> None:
+    page = call("models", "ggx").stdout
+    options = page[page.index("\nOptions\n") :]
+    assert "  conductor, without F0:\n    eta" in options
+    assert "extinction coefficient" in options
+    said = strict(call("models", "ggx", "--json").stdout)["models"][0]["options"]["fresnel"]
+    assert [p["name"] for p in said["conductor"]] == ["k_d", "k_s", "eta", "k", "alpha"]
 
 
 def test_models_as_json() -> None:
