@@ -1,7 +1,7 @@
 """The picture of a fit: measured points against fitted lobes, and where they differ.
 
-One panel per incidence (where the lamp moves, per view), at most eight: the BRDF in the plane
-of incidence over the signed angle, positive on the side of the mirror direction, which a
+One panel per incidence (where the lamp moves, per view; where incidences are scattered, per band
+of theta_i, with the lobes drawn at its middle), at most eight: the BRDF in the plane of incidence over the signed angle, positive on the side of the mirror direction, which a
 dotted line marks. Below it what the model leaves over: in the plane a strip over the same
 angle, out of the plane a map of the hemisphere with the mirror direction to the right.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit import __version__
+from lobefit.fitting.bands import is_isotropic
 from lobefit.fitting.panels import Panel, Panels, Residuals, choose_channels, choose_panels
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
@@ -64,7 +65,7 @@ def draw_figure(report: FitReport) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    panels = choose_panels(report.measurement)
+    panels = choose_panels(report.measurement, isotropic=is_isotropic(report.best))
     count = len(panels.chosen)
     blocks = 1 if count <= 4 else 2
     columns = -(-count // blocks)
@@ -131,7 +132,7 @@ def _draw_body(
         block, column = divmod(k, columns)
         ax = body.add_subplot(grid[2 * block, column])
         _clean(ax)
-        title = rf"$\theta_{symbol}$ = {_degrees(panel.theta)}"
+        title = rf"$\theta_{symbol}$ = {_angle_text(panel)}"
         if several:
             title += rf", $\varphi_{symbol}$ = {_degrees(panel.phi)}"
         ax.set_title(title, fontsize=9, color=DARK)
@@ -264,18 +265,14 @@ def _value_span(
     rows = np.concatenate([p.rows for p in panels.chosen])
     measured = values[:, rows]
     measured = measured[~np.isnan(measured)]
-    tops = np.concatenate(
-        [
-            lobe[:, (p.line_angle >= p.angle.min()) & (p.line_angle <= p.angle.max())].ravel()
-            for p, lobe in zip(panels.chosen, lobes, strict=True)
-            if p.angle.size
-        ]
-        or [np.zeros(1)]
-    )
-    top = max(float(measured.max(initial=0.0)), float(tops.max(initial=0.0)))
+    tops = []
+    for p, lobe in zip(panels.chosen, lobes, strict=True):
+        first, last = (p.angle.min(), p.angle.max()) if p.angle.size else (-90.0, 90.0)
+        tops.append(lobe[:, (p.line_angle >= first) & (p.line_angle <= last)].max(initial=0.0))
+    top = max(float(measured.max(initial=0.0)), *map(float, tops)) or 1.0
     if not log:
         low = float(np.quantile(measured, 0.002)) if measured.size else 0.0
-        return min(1.1 * low, 0.0), 1.05 * top or 1.0
+        return min(1.1 * low, 0.0), 1.05 * top
     positive = measured[measured > 0]
     low = float(np.quantile(positive, 0.005)) if positive.size else top / 1e3
     return low / 2.0, 2.0 * top
@@ -326,6 +323,9 @@ def _headline(report: FitReport, panels: Panels, width: float) -> list[tuple[str
     said.append(f"albedo up to {max(best.plausibility.albedo_max):.3f}")
     said += flags(best)
     head.append((_shorten("; ".join(said), int(columns * 1.1)), quiet))
+    if panels.width is not None:
+        pooled = f"scattered incidences pooled in bands of {panels.width:g}°, turned to one azimuth"
+        head.append((f"{pooled}; fitted lobes at the bands' middles", quiet))
     notes = _notes(report, panels)
     if notes:
         head.append((_shorten("; ".join(notes), int(columns * 1.1)), quiet))
@@ -336,13 +336,16 @@ def _notes(report: FitReport, panels: Panels) -> list[str]:
     """Say what the picture leaves out."""
     m, notes = report.measurement, []
     kind = "views" if panels.by_view else "incidences"
+    if panels.width is not None:
+        kind = "bands"
     if len(panels.chosen) < panels.total:
         notes.append(f"{len(panels.chosen)} of {panels.total} {kind} shown")
     shown = choose_channels(m.n_channels)
     if len(shown) < m.n_channels:
         notes.append(f"{len(shown)} of {m.n_channels} channels shown")
     if not panels.in_plane:
-        notes.append(f"lobes: views within {panels.tolerance:g}° of the plane of incidence")
+        closer = "" if panels.width is None else ", less near the mirror direction"
+        notes.append(f"lobes: views within {panels.tolerance:g}° of the plane of incidence{closer}")
     if Residuals(m, report.best).log and m.positive_share < 1:
         notes.append(f"{100 * (1 - m.positive_share):.2g} % of the values are not positive")
     return notes
@@ -369,6 +372,12 @@ def _parameter_texts(result: FitResult) -> list[str]:
             value = f"{min(numbers):.3g} to {max(numbers):.3g}"
         texts.append(f"{name} = {value}{unit}".replace(" ", "\u00a0"))
     return texts
+
+
+def _angle_text(panel: Panel) -> str:
+    if panel.band is None:
+        return _degrees(panel.theta)
+    return "–".join(f"{edge:g}" for edge in panel.band) + "°"
 
 
 def _degrees(angle: float) -> str:

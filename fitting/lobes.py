@@ -11,6 +11,11 @@ attribute ``lobefit:layout``:
     Each incidence is a tile, the tiles stand below each other. Inside a tile a row is an
     azimuth ``phi_o - phi_i`` (180 degrees holds the mirror direction), a column a theta_o.
 
+Scattered incidences, more than a picture has room for and hardly a reading each, are pooled: in
+tiles those within 5 degrees of theta_i, in the plane within 1, in cells of that width. Incidences
+are then the bands' middles, and readings stand at their own theta_o and ``phi_o - phi_i``; the
+attribute ``lobefit:band_deg`` gives the bands' width.
+
 Channels are named ``LAYER.CHANNEL``, in 32-bit floating point, 1/sr:
 
 ``measured``
@@ -32,6 +37,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lobefit.fitting.bands import is_isotropic, is_scattered, pool
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
 from lobefit.kernels.errors import LobefitError
@@ -59,6 +65,10 @@ MAX_INCIDENCES = 128
 MAX_NUMBERS = 6_000_000
 """Floats in a picture, 24 MB before compression; tiles get coarser until they fit."""
 
+# Width of bands of theta_i and of cells, in degrees, where incidences are scattered: some
+# thousand readings then fill a good part of the picture.
+PLANE_BAND, TILE_BAND = 1.0, 5.0
+
 # Views this far from the plane of incidence still lie in it, and directions this close to the
 # normal have no azimuth to speak of.
 PLANE = np.deg2rad(0.5)
@@ -83,7 +93,9 @@ class Grid:
     cell : ndarray, shape (M,)
         The pixel of each, counted row by row.
     n_incidences : int
-        Incidences of the measurement, shown or not.
+        Incidences (or bands) of the measurement, shown or not.
+    width : float, optional
+        Where incidences are pooled, of their bands in degrees.
     """
 
     layout: str
@@ -93,6 +105,7 @@ class Grid:
     rows: Index
     cell: Index
     n_incidences: int
+    width: float | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -124,7 +137,7 @@ def out_of_plane(theta_i: Array, theta_o: Array, turn: Array) -> Array:
     return np.where(theta_i < PLANE, 0.0, away)
 
 
-def make_grid(measurement: Measurement) -> Grid:
+def make_grid(measurement: Measurement, *, isotropic: bool = False) -> Grid:
     """Choose the layout and the steps that keep the measured directions apart.
 
     Parameters
@@ -132,12 +145,16 @@ def make_grid(measurement: Measurement) -> Grid:
     measurement : Measurement
         Steps are those of its angles: 0.25 to 2.5 degrees in the plane of incidence, 1 to
         5 degrees in tiles, coarser where the picture would have more than `MAX_NUMBERS`.
+    isotropic : bool
+        Whether the model is; then scattered incidences of any azimuth are pooled.
     """
-    m = measurement
-    turn = m.phi_o - m.phi_i
+    m, width = measurement, 0.0
     groups = m.distinct_incidences()
-    in_plane = bool((out_of_plane(m.theta_i, m.theta_o, turn) < PLANE).all())
-    if in_plane:
+    in_plane = bool((out_of_plane(m.theta_i, m.theta_o, m.phi_o - m.phi_i) < PLANE).all())
+    if len(groups) > MAX_INCIDENCES and is_scattered(m, groups, isotropic=isotropic):
+        bands = pool(m, PLANE_BAND if in_plane else TILE_BAND)
+        m, groups, width = bands.turned, bands.groups, bands.width
+    elif in_plane:
         groups = planes_of(m, groups)
     keys = list(groups)
     if len(keys) > MAX_INCIDENCES:
@@ -148,14 +165,14 @@ def make_grid(measurement: Measurement) -> Grid:
     theta_o = np.rad2deg(m.theta_o[rows])
     if in_plane:
         side = signed(theta_o, turn)
-        theta = _axis(side, (0.25, 2.5), (-90.0, 90.0))
+        theta = _axis(side, (width or 0.25, width or 2.5), (-90.0, 90.0), whole=width > 0)
         row, column, phi = incidence, _nearest(theta, side), np.array([180.0])
     else:
         turned = np.mod(np.rad2deg(turn), 360.0)
-        coarsest = (1.0, 5.0)
+        coarsest = (width or 1.0, 5.0)
         while True:
-            theta = _axis(theta_o, coarsest, (0.0, 90.0))
-            phi = _axis(turned, coarsest, (0.0, 360.0))
+            theta = _axis(theta_o, coarsest, (0.0, 90.0), whole=width > 0)
+            phi = _axis(turned, coarsest, (0.0, 360.0), whole=width > 0)
             if len(keys) * len(phi) * len(theta) * 3 * m.n_channels <= MAX_NUMBERS:
                 break
             coarsest = (coarsest[0] * 1.5, max(coarsest[1], coarsest[0] * 1.5))
@@ -169,6 +186,7 @@ def make_grid(measurement: Measurement) -> Grid:
         rows=rows,
         cell=row * len(theta) + column,
         n_incidences=len(groups),
+        width=width or None,
     )
 
 
@@ -189,7 +207,7 @@ def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None
     LobefitError
         The file cannot be written, or does not hold what was written.
     """
-    grid = make_grid(measurement)
+    grid = make_grid(measurement, isotropic=is_isotropic(result))
     planes = {
         f"{layer}.{_exr_name(channel)}": values[c]
         for layer, values in _layers(grid, result, measurement).items()
@@ -284,8 +302,14 @@ def planes_of(
     return dict(sorted(split.items()))
 
 
-def _axis(angles: Array, steps: tuple[float, float], span: tuple[float, float]) -> Array:
-    """Lay regular cell centres inside a span, in the step and phase of the angles (degrees)."""
+def _axis(
+    angles: Array, steps: tuple[float, float], span: tuple[float, float], *, whole: bool
+) -> Array:
+    """Lay regular cell centres inside a span, in the step and phase of the angles (degrees).
+
+    Or, if `whole`, in such a phase that polar angles are covered to the horizon and azimuths
+    have the plane of incidence in the middle of a cell.
+    """
     low, high = span
     found = np.unique(np.round(angles, 3))
     gaps = np.diff(found)
@@ -297,7 +321,10 @@ def _axis(angles: Array, steps: tuple[float, float], span: tuple[float, float]) 
         float(np.abs(np.mod((found - start) / step + 0.5, 1.0) - 0.5).mean())
         for start in (0.0, step / 2)
     ]
-    start = 0.0 if off_centre[0] <= off_centre[1] else step / 2
+    if whole:
+        start = 0.0 if high == 360.0 else step / 2
+    else:
+        start = 0.0 if off_centre[0] <= off_centre[1] else step / 2
     first, last = np.ceil((low - start) / step), np.floor((high - start) / step)
     centres = np.arange(first, last + 1) * step + start
     # No direction lies on the horizon, and 360 degrees are 0.
@@ -326,6 +353,7 @@ def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, str]
     rows = "incidence" if grid.layout == "in-plane" else "incidence, then phi_o - phi_i"
     columns = "signed theta_o" if grid.layout == "in-plane" else "theta_o"
     incidences = np.rad2deg(np.array(grid.incidences)).round(9).tolist()
+    band = {} if grid.width is None else {"lobefit:band_deg": f"{grid.width:g}"}
     return {
         "lobefit:schema": SCHEMA,
         "lobefit:layout": grid.layout,
@@ -334,6 +362,7 @@ def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, str]
         "lobefit:phi_deg": json.dumps(grid.phi.round(9).tolist()),
         "lobefit:incidences_deg": json.dumps(incidences),
         "lobefit:incidences_shown": f"{len(grid.incidences)} of {grid.n_incidences}",
+        **band,
         "lobefit:unit": "1/sr",
         "lobefit:channels": json.dumps(m.channels),
         "lobefit:candidate": result.candidate,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.bands import Bands, Groups, is_scattered, pool
 from lobefit.fitting.lobes import PLANE, out_of_plane, planes_of, signed
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
@@ -27,6 +28,14 @@ LOG_FROM_DECADES = 1.5
 # as if in it. The first is taken that leaves enough views.
 TOLERANCES = (0.5, 1.5, 3.0, 5.0, 10.0)
 ENOUGH_VIEWS = 8
+
+# Scattered incidences: widths of a band of theta_i in degrees. The first is taken whose bands
+# have so many views near the plane of incidence; incidence varies within them, so it takes more.
+BAND_WIDTHS = (5.0, 10.0)
+ENOUGH_IN_BAND = 30
+# A lobe falls steeply about the mirror direction; so of a band only views are shown whose half
+# vector leans out of the plane at most this share of what it leans within.
+ASIDE_SHARE = 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +59,9 @@ class Panel:
     turn, tilt : ndarray, shape (H,)
         Their azimuth from the plane of incidence in radians, 0 on the mirror direction's
         side, and their polar angle in degrees.
+    band : tuple of two float, optional
+        Where incidences are pooled, from which theta_i to which in degrees; the line is drawn
+        at `theta` between them.
     """
 
     theta: float
@@ -61,6 +73,7 @@ class Panel:
     hemisphere: Index
     turn: Array
     tilt: Array
+    band: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +92,8 @@ class Panels:
         Whether the direction of view is fixed and the incidence runs.
     tolerance : float
         Degrees that a view may turn from the plane and be shown as in it.
+    width : float, optional
+        Where incidences are scattered and therefore pooled: width of a band in degrees.
     """
 
     chosen: list[Panel]
@@ -86,6 +101,7 @@ class Panels:
     in_plane: bool
     by_view: bool
     tolerance: float
+    width: float | None = None
 
 
 class Residuals:
@@ -138,31 +154,54 @@ def choose_channels(count: int) -> list[int]:
     return sorted({round(k) for k in np.linspace(0, count - 1, shown)})
 
 
-def choose_panels(m: Measurement) -> Panels:
-    """Pick the panels to show, evenly over the incidences (or views)."""
+def choose_panels(m: Measurement, *, isotropic: bool = False) -> Panels:
+    """Pick the panels to show, evenly over the incidences (or views, or bands of theta_i).
+
+    Parameters
+    ----------
+    m : Measurement
+        What was measured.
+    isotropic : bool
+        Whether the model is; then incidences of any azimuth may be pooled into bands.
+    """
     in_plane = bool((out_of_plane(m.theta_i, m.theta_o, m.phi_o - m.phi_i) < PLANE).all())
     groups = m.distinct_incidences()
+    crowded = len(groups) > MAX_PANELS
+    scattered = crowded and is_scattered(m, groups, isotropic=isotropic)
     swapped = replace(m, theta_i=m.theta_o, phi_i=m.phi_o, theta_o=m.theta_i, phi_o=m.phi_i)
-    by_view = False
-    if in_plane and len(groups) > MAX_PANELS:
+    by_view, bands, scan = False, None, m
+    if crowded and (in_plane or scattered):
         # Some goniometers move the lamp: then a view has a lobe and an incidence a few points.
         views = swapped.distinct_incidences()
         by_view = 3 * len(views) < len(groups)
-        groups = views if by_view else groups
-    scan = swapped if by_view else m
-    if in_plane:
+        groups, scan = (views, swapped) if by_view else (groups, m)
+    if scattered and not by_view:
+        bands = _bands(m)
+        groups, scan = bands.groups, bands.turned
+    elif in_plane:
         groups = planes_of(scan, groups)
-    tolerance = np.rad2deg(PLANE) if in_plane else _tolerance(scan, groups)
+    if in_plane:
+        tolerance = float(np.rad2deg(PLANE))
+    else:
+        tolerance = TOLERANCES[-1] if bands is not None else _tolerance(scan, groups)
     panels = []
     for (theta, phi), rows in groups.items():
-        turn = scan.phi_o[rows] - phi
-        near = rows[_away(turn, scan.theta_o[rows]) <= tolerance + 1e-6] if not in_plane else rows
+        near = rows
+        if bands is not None:
+            near = _near_in_band(scan, rows)
+        elif not in_plane:
+            near = _near(scan, rows, phi, tolerance)
         panels.append((theta, phi, rows, near))
     # A single view makes no lobe; unless there is nothing else to show.
     lobes = [p for p in panels if len(p[3]) >= 3] or panels
     picked = np.linspace(0, len(lobes) - 1, min(len(lobes), MAX_PANELS)).round().astype(int)
-    chosen = [_panel(scan, *lobes[k], by_view=by_view, in_plane=in_plane) for k in picked]
-    return Panels(chosen, len(panels), in_plane, by_view, tolerance)
+    beside = not in_plane and bands is None
+    chosen = [_panel(scan, *lobes[k], by_view=by_view, beside=beside) for k in picked]
+    if bands is not None:
+        edges = [bands.edges[lobes[k][:2]] for k in picked]
+        chosen = [replace(p, band=own) for p, own in zip(chosen, edges, strict=True)]
+    width = None if bands is None else bands.width
+    return Panels(chosen, len(panels), in_plane, by_view, tolerance, width)
 
 
 def thinned(rows: Index) -> Index:
@@ -176,15 +215,39 @@ def _away(turn: Array, theta: Array) -> Array:
     return np.where(theta < PLANE, 0.0, np.abs(degrees))
 
 
-def _tolerance(m: Measurement, groups: dict[tuple[float, float], Index]) -> float:
+def _near(m: Measurement, rows: Index, phi: float, tolerance: float) -> Index:
+    """Keep the rows whose view is near the plane of incidence."""
+    return rows[_away(m.phi_o[rows] - phi, m.theta_o[rows]) <= tolerance + 1e-6]
+
+
+def _near_in_band(m: Measurement, rows: Index) -> Index:
+    """Keep the rows of a band whose view is near the plane, closer about the mirror direction."""
+    theta_i, theta_o, turn = m.theta_i[rows], m.theta_o[rows], m.phi_o[rows] - m.phi_i[rows]
+    across = np.abs(np.sin(theta_o) * np.sin(turn))
+    along = np.abs(np.sin(theta_i) + np.sin(theta_o) * np.cos(turn))
+    # Both over the sum of the cosines are slopes of the half vector.
+    least = PLANE * (np.cos(theta_i) + np.cos(theta_o))
+    close = across <= np.maximum(least, ASIDE_SHARE * along)
+    near: Index = rows[close & (_away(turn, theta_o) <= TOLERANCES[-1])]
+    return near
+
+
+def _tolerance(m: Measurement, groups: Groups) -> float:
     for tolerance in TOLERANCES[:-1]:
-        counts = [
-            np.count_nonzero(_away(m.phi_o[rows] - phi, m.theta_o[rows]) <= tolerance)
-            for (_, phi), rows in groups.items()
-        ]
+        counts = [len(_near(m, rows, phi, tolerance)) for (_, phi), rows in groups.items()]
         if np.median(counts) >= ENOUGH_VIEWS:
             return tolerance
     return TOLERANCES[-1]
+
+
+def _bands(m: Measurement) -> Bands:
+    """Pool scattered incidences into the narrowest bands that have enough to show."""
+    for width in BAND_WIDTHS[:-1]:
+        bands = pool(m, width)
+        counts = [len(_near_in_band(bands.turned, rows)) for rows in bands.groups.values()]
+        if np.median(counts) >= ENOUGH_IN_BAND:
+            return bands
+    return pool(m, BAND_WIDTHS[-1])
 
 
 def _panel(
@@ -195,18 +258,18 @@ def _panel(
     near: Index,
     *,
     by_view: bool,
-    in_plane: bool,
+    beside: bool,
 ) -> Panel:
     hemisphere, near = thinned(rows), thinned(near)
     turn = m.phi_o[near] - phi
     angle = np.rad2deg(signed(m.theta_o[near], turn))
     # Where all views are beside the plane, the lobe is drawn beside it too.
-    aside = 0.0 if in_plane else float(np.deg2rad(np.median(_away(turn, m.theta_o[near]))))
+    aside = _away(turn, m.theta_o[near]) if beside and near.size else np.zeros(1)
     mirror = float(np.rad2deg(theta))
     low, high = (float(angle.min()), float(angle.max())) if angle.size else (-85.0, 85.0)
     line_angle = _line_angles(max(low - 3, -89.5), min(high + 3, 89.5), mirror)
     tilt = np.abs(np.deg2rad(line_angle))
-    azimuth = phi + np.where(line_angle > 0, np.pi, 0.0) + aside
+    azimuth = phi + np.where(line_angle > 0, np.pi, 0.0) + np.deg2rad(np.median(aside))
     fixed = (np.full(tilt.shape, theta), np.full(tilt.shape, phi))
     line = (tilt, azimuth, *fixed) if by_view else (*fixed, tilt, azimuth)
     return Panel(

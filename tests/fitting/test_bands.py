@@ -19,7 +19,13 @@ from lobefit.fitting.readers.merl import STRIDE
 from lobefit.kernels import evaluate
 from tests.fitting.reports import GLOSSY, hand_made_report, hand_made_result, simulated
 
-GROOVED = {"k_d": 0.1, "k_s": 0.3, "alpha_x": 0.3, "alpha_y": 0.1, "phi_x": 0.0}
+GROOVED: dict[str, float | list[float]] = {
+    "k_d": 0.1,
+    "k_s": 0.3,
+    "alpha_x": 0.3,
+    "alpha_y": 0.1,
+    "phi_x": 0.0,
+}
 
 
 def table(spread: float = 0.0) -> Measurement:
@@ -61,14 +67,14 @@ def test_picture_of_a_merl_table_shows_lobes(merl: Measurement, tmp_path: Path) 
         assert len(panel.hemisphere) > 100
         # A lobe, not a point: more than at the mirror direction.
         assert len(panel.rows) >= 20
-        assert np.ptp(panel.angle) > 20.0
+        assert np.ptp(panel.angle) > 15.0
         dots = next(line for line in ax.lines if line.get_marker() == "o")
         np.testing.assert_array_equal(dots.get_ydata(), merl.values[0, panel.rows])
         lobe = next(line for line in ax.lines if line.get_linestyle() == "-")
         middle = np.deg2rad((low + high) / 2)
         signed = np.deg2rad(np.asarray(lobe.get_xdata()))
         drawn = result.predict(middle, 0.0, np.abs(signed), np.where(signed > 0, np.pi, 0.0))
-        np.testing.assert_allclose(lobe.get_ydata(), drawn[0], rtol=1e-9)
+        np.testing.assert_allclose(np.asarray(lobe.get_ydata()), drawn[0], rtol=1e-9)
         # Near the line: the lobe of alpha = 0.1 changes by less in 2.5 degrees of incidence.
         near = np.interp(panel.angle, panel.line_angle, np.log10(np.asarray(lobe.get_ydata())))
         off = np.log10(merl.values[0, panel.rows]) - near
