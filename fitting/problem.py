@@ -26,8 +26,6 @@ Array = NDArray[np.float64]
 
 # Nodes of the scan over a channel's own parameters, at every node of the shared ones.
 MAX_OWN_NODES = 200
-# Valleys of that scan that are walked down.
-OWN_STARTS = 4
 # Gauss-Newton steps for what the metric or the model makes nonlinear within a channel.
 INNER_STEPS = 12
 # Largest move of a channel's own searched parameter in one of them.
@@ -162,7 +160,7 @@ class Problem:
         own = self.own.nodes()
         shared = np.repeat(self.scale.to_parameters(t), len(own), axis=0)
         rows = np.concatenate([shared, np.tile(self.own.to_parameters(own), (len(t), 1))], axis=1)
-        value, c = self._try(self.candidate.expand(rows[:, self.order]))
+        value, c = self.attempt(self.candidate.expand(rows[:, self.order]))
         # Channels are independent of one another at a given t.
         value = value.reshape(len(t), len(own), -1)
         lowest = np.argmin(np.where(np.isfinite(value), value, np.inf), axis=1)
@@ -171,62 +169,13 @@ class Problem:
         least = np.take_along_axis(value, lowest[:, None, :], axis=1)[:, 0]
         return least.sum(axis=1), np.concatenate([best, own[lowest]], axis=2)
 
-    def _try(self, x: Array) -> tuple[Array, Array]:
+    def attempt(self, x: Array) -> tuple[Array, Array]:
         """Give the objective (P, C) and coefficients (P, C, K) at P sets, on the scan's rows."""
         sums = normal_equations(self.program, self.dataset.scan, x)
         self.evaluations += len(x)
         c = self.linear.coefficients(self._solve(sums.gram, sums.rhs, np.zeros(sums.rhs.shape)))
         value = sums.chi_square - 2.0 * np.einsum("pck,pck->pc", sums.rhs, c)
         return value + np.einsum("pck,pckl,pcl->pc", c, sums.gram, c), c
-
-    def rows(self, t: Array, c: Array) -> Array:
-        """Look through the valleys of the channels' own parameters at one t.
-
-        Parameters
-        ----------
-        t : ndarray, shape (n,)
-            Search coordinates.
-        c : ndarray, shape (C, K + m)
-            Rows of the best node.
-
-        Returns
-        -------
-        ndarray, shape (C, K + m)
-            The best bottom of a few valleys, for each channel.
-        """
-        if not self.candidate.own:
-            return c
-        own = self.own.nodes()
-        rows = np.concatenate(
-            [np.tile(self.scale.to_parameters(t), (len(own), 1)), self.own.to_parameters(own)],
-            axis=1,
-        )
-        value, coefficients = self._try(self.candidate.expand(rows[:, self.order]))
-        order = self._valleys(value)
-        best, kept = self._settle(self.dataset.scan, t, c)
-        for rank in order.T:
-            start = np.concatenate(
-                [np.stack([coefficients[k, j] for j, k in enumerate(rank)]), own[rank]], axis=1
-            )
-            found, settled = self._settle(self.dataset.scan, t, start)
-            kept = np.where((found < best)[:, None], settled, kept)
-            best = np.minimum(found, best)
-        return kept
-
-    def _valleys(self, value: Array) -> NDArray[np.intp]:
-        """Give, per channel, the nodes that are lower than their neighbours, the best first."""
-        grid = np.where(np.isfinite(value), value, np.inf).T.reshape(-1, *self.own.counts)
-        low = np.ones(grid.shape, dtype=bool)
-        for axis in range(1, grid.ndim):
-            near = np.full([n + 2 * (k == axis) for k, n in enumerate(grid.shape)], np.inf)
-            inner = [slice(None)] * grid.ndim
-            inner[axis] = slice(1, -1)
-            near[tuple(inner)] = grid
-            for shifted in (slice(0, -2), slice(2, None)):
-                inner[axis] = shifted
-                low &= grid <= near[tuple(inner)]
-        ranked = np.where(low, grid, np.inf).reshape(len(grid), -1)
-        return np.argsort(ranked, axis=1, kind="stable")[:, :OWN_STARTS]
 
     def _solve(self, gram: Array, rhs: Array, anchor: Array) -> Array:
         """Solve for linear coordinates (..., D), given sums (..., K) of residuals at the anchor."""
@@ -268,10 +217,10 @@ class Problem:
             change = new - c
             bent = (gram @ change[:, :, None])[:, :, 0]
             return float(value.sum() + np.sum(change * (bent - 2.0 * rhs))), new
-        best, kept = self._settle(data, t, c)
+        best, kept = self.settle(data, t, c)
         return float(best.sum()), kept
 
-    def _settle(self, data: Observations, t: Array, c: Array) -> tuple[Array, Array]:
+    def settle(self, data: Observations, t: Array, c: Array) -> tuple[Array, Array]:
         """Gauss-Newton on each channel's row at one t; returns the objectives (C,) too."""
         best = np.full(len(c), np.inf)
         kept = trial = c

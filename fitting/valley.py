@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.own_valleys import bottoms
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.search import Found, minimise
 from lobefit.kernels.sums import Observations
@@ -34,7 +35,7 @@ def starts(problem: Problem) -> list[tuple[Array, Array]]:
         if len(valleys) == STARTS or (valleys and value[k] > RIVAL * value[valleys[0]]):
             break
     if len(valleys) < 2 or not t.shape[1]:
-        return [(t[k], problem.rows(t[k], c[k])) for k in valleys]
+        return [(t[k], row) for k in valleys for row in bottoms(problem, t[k], c[k])]
     # Several are as good: a finer look around each tells them apart.
     steps = np.linspace(-0.5, 0.5, ZOOM[min(t.shape[1], len(ZOOM)) - 1])
     offsets = np.stack(
@@ -48,9 +49,10 @@ def starts(problem: Problem) -> list[tuple[Array, Array]]:
     lowest = np.argmin(value, axis=1)
     best = value[np.arange(len(valleys)), lowest]
     return [
-        (close[k, lowest[k]], problem.rows(close[k, lowest[k]], c[k, lowest[k]]))
+        (close[k, lowest[k]], row)
         for k in np.argsort(best, kind="stable")
         if best[k] <= RIVAL * best.min()
+        for row in bottoms(problem, close[k, lowest[k]], c[k, lowest[k]])
     ]
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,7 +81,7 @@ class HemisphereGrid:
         # Half the azimuths would do by symmetry for isotropic models only.
         phi_h = (np.arange(azimuths) + 0.5) * (2.0 * np.pi / azimuths)
         # Where wo, the reflection of wi by h, reaches the horizon.
-        theta_end = 0.5 * np.arctan2(cos_i, -sin_i * np.cos(phi_h))
+        theta_end = 0.5 * np.arctan2(cos_i, -sin_i * np.cos(phi_h)).astype(np.float64)
         edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.125, 11), PANELS])
         node, node_weight = np.polynomial.legendre.leggauss(order)
         width = np.diff(edges)[:, None]
@@ -120,11 +119,10 @@ class HemisphereGrid:
         )
 
 
-def _theta_h_at(
-    angle: float, theta_i: float, phi_h: Array, theta_end: NDArray[np.floating[Any]]
-) -> Array:
+def _theta_h_at(angle: float, theta_i: float, phi_h: Array, theta_end: Array) -> Array:
     """Give the half vector's zenith angle whose wo is that far from the mirror direction."""
-    low, high = np.zeros_like(theta_end), theta_end.copy()
+    low: Array = np.zeros_like(theta_end)
+    high: Array = theta_end.copy()
     for _ in range(60):  # it grows with theta_h: halved until nothing is left
         theta_h = 0.5 * (low + high)
         i_dot_h = np.sin(theta_i) * np.sin(theta_h) * np.cos(phi_h)
@@ -135,7 +133,8 @@ def _theta_h_at(
         beyond = np.sqrt(np.maximum(length2, 0.0)) > np.sin(0.5 * angle)
         high = np.where(beyond, theta_h, high)
         low = np.where(beyond, low, theta_h)
-    return 0.5 * (low + high)
+    middle: Array = 0.5 * (low + high)
+    return middle
 
 
 @lru_cache(maxsize=64)

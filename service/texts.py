@@ -120,7 +120,7 @@ def cost_line(device: str) -> str:
 
 
 def _parameter_rows(parameters: Iterable[Parameter]) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for p in parameters:
         low, high = p.bounds
         kind = "per channel" if p.per_channel else "shared"
@@ -148,7 +148,7 @@ def _option_lines(model: Model) -> Iterator[str]:
 
 def manual_page(model: Model, cost: Cost | None = None) -> str:
     """Give the manual page with the tables of parameters and properties."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         ("name", "unit", "range", "default", "", "meaning"),
         *_parameter_rows(model.parameters),
     ]

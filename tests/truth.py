@@ -34,7 +34,7 @@ def deviations(result: FitResult, truth: Truth) -> dict[str, float]:
         By `label`. NaN where the fit gives no standard error, which is then no
         answer. Held parameters must be exactly right, and are left out.
     """
-    period = {p.name: p.period for p in get_model(result.model).parameters}
+    period = {p.name: p.period for p in get_model(result.model, result.options).parameters}
     found: dict[str, float] = {}
     for estimate in result.estimates:
         given = truth[estimate.name]

@@ -302,36 +302,6 @@ def test_noise_twice_the_signal_is_noise_and_no_misfit() -> None:
     assert max(map(abs, z)) < 3.5  # one in 100 for twenty draws
 
 
-def test_two_lobes_are_described_by_no_candidate() -> None:
-    narrow = {"k_d": 0.0, "k_s": 1.0, "F0": 0.3, "alpha": 0.03}
-    broad = {"k_d": 0.0, "k_s": 1.0, "F0": 0.5, "alpha": 0.5}
-    scan = "in-plane incidences=10,30,50,70 step=1"
-    first = simulate("ggx", narrow, scan, (0.0, 0.0))
-    second = simulate("ggx", broad, scan, (0.0, 0.0))
-    clean = first.values + second.values
-    noise = 1 + 0.01 * np.random.default_rng(10).standard_normal(clean.shape)
-    both = replace(first, values=clean * noise)
-    found = fit(both, "quick")
-    assert not found.described
-    assert found.verdict.startswith("No candidate describes this surface")
-    assert found.best.diagnostics.misfit_limited
-    assert found.best.diagnostics.worst[0] in found.verdict
-    assert "°" in found.best.diagnostics.worst[0]
-    summed = fit(both, ["ggx", "ggx+ggx"])
-    assert summed.best.candidate == "ggx+ggx"
-    assert summed.described
-    truth = {
-        "k_d": 0.0,
-        "k_s_1": 1.0,
-        "F0_1": 0.3,
-        "alpha_1": 0.03,
-        "k_s_2": 1.0,
-        "F0_2": 0.5,
-        "alpha_2": 0.5,
-    }
-    assert max(map(abs, deviations(summed.best, truth).values())) < 3.5
-
-
 def test_a_wrong_quantity_shows_in_the_albedo() -> None:
     """F21: reflectance factors, pi times the BRDF, taken for a BRDF."""
     m = simulate("lambert", {"k_d": 0.8}, SCAN, (0.02, 1e-3), seed=11)
