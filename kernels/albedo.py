@@ -77,11 +77,11 @@ class HemisphereGrid:
         back: bool = False,
         edge: float | None = None,
     ) -> None:
-        cos_i, sin_i = float(np.cos(theta_i)), float(np.sin(theta_i))
+        cos_i, sin_i = np.cos(theta_i), np.sin(theta_i)
         # Half the azimuths would do by symmetry for isotropic models only.
-        phi_h = (np.arange(azimuths) + 0.5) * (2.0 * np.pi / azimuths)
+        phi_h = (np.arange(azimuths, dtype=np.float64) + 0.5) * (2.0 * np.pi / azimuths)
         # Where wo, the reflection of wi by h, reaches the horizon.
-        theta_end = np.asarray(0.5 * np.arctan2(cos_i, -sin_i * np.cos(phi_h)), dtype=np.float64)
+        theta_end = 0.5 * np.arctan2(cos_i, -sin_i * np.cos(phi_h))
         edges = np.concatenate([[0.0], np.geomspace(1e-4, 0.125, 11), PANELS])
         node, node_weight = np.polynomial.legendre.leggauss(order)
         width = np.diff(edges)[:, None]
