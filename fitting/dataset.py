@@ -24,6 +24,7 @@ METRICS: dict[str, Metric] = {
     "relative": "identity",
     "log": "log",
     "cube_root": "cube_root",
+    "cosine_log": "cosine_log",
 }
 # Up to here double precision costs less than compiling a second set of kernels.
 DOUBLE_UP_TO = 20_000
@@ -39,7 +40,7 @@ class Dataset:
     ----------
     measurement : Measurement
         What was measured.
-    metric : {"chi2", "relative", "log", "cube_root"}
+    metric : {"chi2", "relative", "log", "cube_root", "cosine_log"}
         How residuals are weighed.
     device : Device
         Where the sums are computed.
@@ -53,7 +54,7 @@ class Dataset:
         the plain values, for which coefficients are linear).
     present, used : ndarray of bool, shape (C, N)
         Values that are there; those that count ("log" has no use for others than
-        positive ones).
+        positive ones, "cosine_log" for those at or below -1/cos_theta_i).
     """
 
     def __init__(self, measurement: Measurement, metric: str, device: Device) -> None:
@@ -127,6 +128,10 @@ class Dataset:
             with np.errstate(divide="ignore", invalid="ignore"):
                 known: Array = np.where(np.isfinite(m.values), 1.0 / (m.sigma * m.sigma), 0.0)
             return known
+        if self.metric == "cosine_log":
+            # For the start only: residuals are small where the transform's slope is.
+            n_i = np.maximum(np.cos(m.theta_i), 0.0)
+            return np.nan_to_num((n_i / (1.0 + np.maximum(m.values, 0.0) * n_i)) ** 2)
         size = np.abs(m.values)
         level = np.nanmedian(size, axis=1, keepdims=True)
         floor = np.maximum(0.05 * level, 1e-6 * np.nanmax(size, axis=1, keepdims=True))
@@ -144,7 +149,8 @@ class Dataset:
         if metric == "identity":
             return measured - fitted
         safe = np.where(self.used, measured, 1.0)
-        return transform(safe, metric) - transform(np.maximum(fitted, 1e-300), metric)
+        n_i = np.maximum(np.cos(self.measurement.theta_i), 0.0)
+        return transform(safe, metric, n_i) - transform(np.maximum(fitted, 1e-300), metric, n_i)
 
     def set_weights(self, weights: Array) -> None:
         """Replace the weights of all rows, shape (C, N)."""

@@ -174,11 +174,13 @@ def fit(
         A set ("quick", "standard", "all"), or names such as "ggx" and
         "ggx:k_s=1". Anisotropic models are left out of a set where the sample was
         not turned; named ones are always fitted.
-    metric : {"auto", "chi2", "relative", "log", "cube_root"}
+    metric : {"auto", "chi2", "relative", "log", "cube_root", "cosine_log"}
         "chi2": residuals over the given sigma (constant noise without one).
         "relative": noise of a relative and an additive part, both estimated.
         "log": logarithms, for data that span decades; values that are not
-        positive are left out and counted. "cube_root": cube roots.
+        positive are left out and counted. "cube_root": cube roots. "cosine_log":
+        ln(1 + f cos_theta_i) of Low et al. 2012, which is even between bright and
+        dark values and does not follow the darkest ones as "log" does.
         "auto": "chi2" where the measurement has sigma, else "relative".
     options : mapping of str to str, optional
         Pieces that every model which knows them is compiled with.

@@ -26,13 +26,13 @@ static inline scalar gtr_norm(const scalar alpha, const scalar gamma) {
 }
 static inline real gtr_D(const real t2, const scalar inv_alpha2, const scalar gamma,
                          const scalar norm) {
-  return norm * exp2(gamma * log2((1.0 + t2) / (1.0 + t2 * inv_alpha2)));
+  return norm * exp2(gamma * positive_log2((1.0 + t2) / (1.0 + t2 * inv_alpha2)));
 }
 
 // Student's t distribution of slopes; Ribardiere et al. 2017. scale2 = (gamma - 1) alpha^2.
 static inline real student_t_D(const real t2, const scalar scale2, const scalar gamma) {
   return INV_PI * (gamma - 1.0) / scale2 * square(1.0 + t2) *
-         exp2(-gamma * log2(1.0 + t2 / scale2));
+         exp2(-gamma * positive_log2(1.0 + t2 / scale2));
 }
 
 // Gaussian of the facet angle itself; Torrance & Sparrow 1967, normalised here.

@@ -37,7 +37,7 @@ static inline real fresnel_conductor_F(const real one_minus_cos_d, const scalar 
   const scalar eta_k = eta * k;
   const real difference = (eta - k) * (eta + k) - s2;  // a^2 - b^2
   const real sum = sqrt(square(difference) + 4.0 * eta_k * eta_k);
-  const real larger = sqrt(fmax(0.5 * (sum + fabs(difference)), 1e-30));
+  const real larger = sqrt(at_least(0.5 * (sum + fabs(difference)), 1e-30));
   const real smaller = eta_k / larger;
   const real a = difference > 0.0 ? larger : smaller;
   const real b = difference > 0.0 ? smaller : larger;
@@ -55,7 +55,7 @@ static inline real fresnel_f82_F(const real one_minus_cos_d, const scalar F0, co
   const real m5 = square(square(m)) * m;
   const scalar schlick = F0 + (1.0 - F0) * (7776.0 / 16807.0);  // at 1/7: (6/7)^5
   const scalar b = (schlick - F82) * (823543.0 / 46656.0);
-  return clamp(F0 + (1.0 - F0) * m5 - b * (1.0 - m) * m5 * m, (real)(0.0), (real)(1.0));
+  return at_most(at_least(F0 + (1.0 - F0) * m5 - b * (1.0 - m) * m5 * m, 0.0), 1.0);
 }
 
 static inline void fresnel_none(const geometry g, const fresnel_constants c, const real lobe,

@@ -29,8 +29,8 @@ static inline real root_divisor_smith_separable(const geometry g, const real t2,
 // 2 n.h n.o / i.h) with n.h / i.h = 2 / (H_z (1 + t2)), which does not cancel at grazing.
 static inline real v_cavity_divisor(const geometry g, const real t2) {
   const real H_z = g.cos_theta_i + g.cos_theta_o;
-  return fmax(4.0 * g.cos_theta_i * g.cos_theta_o,
-              fmax(g.cos_theta_i, g.cos_theta_o) * H_z * (1.0 + t2));
+  return at_least(4.0 * g.cos_theta_i * g.cos_theta_o,
+                  at_least(g.cos_theta_i, g.cos_theta_o) * H_z * (1.0 + t2));
 }
 static inline real divisor_v_cavity(const geometry g, const real t2, const real lambda_i,
                                     const real lambda_o) {
@@ -52,7 +52,7 @@ static inline real ggx_root(const real cos_theta, const scalar alpha) {
 // absolute error of the rounding is enough. In single precision that allows a polynomial
 // (Abramowitz & Stegun 1964, 7.1.26, 1.5e-7), several times as fast as erf.
 static inline real beckmann_lambda(const real cos_theta, const real alpha2_sin2) {
-  const real a = cos_theta * rsqrt(fmax(alpha2_sin2, 1e-28));
+  const real a = cos_theta * rsqrt(at_least(alpha2_sin2, 1e-28));
 #if PRECISION == 32
   const real t = 1.0 / (1.0 + 0.3275911 * a);
   const real p = -1.453152027 + t * 1.061405429;

@@ -42,7 +42,7 @@ static inline student_t_masking student_t_masking_for(const scalar alpha, const 
 
 static inline real student_t_lambda(const real cos_theta, const real sin2_theta,
                                     const student_t_masking c) {
-  const real spread2 = fmax(c.scale2 * sin2_theta, 1e-30);
+  const real spread2 = at_least(c.scale2 * sin2_theta, 1e-30);
   const real cos2 = square(cos_theta);
   const real root = sqrt(cos2 + spread2);
   const real w = 0.5 * spread2 / (root * (root + cos_theta));

@@ -26,6 +26,36 @@ typedef VECTOR(float) real;
 
 static inline real square(const real x) { return x * x; }
 
+// fmax and fmin for numbers that are numbers: nothing to ask about NaN, half the time.
+static inline real at_least(const real x, const real floor) { return x > floor ? x : floor; }
+static inline real at_most(const real x, const real ceiling) { return x < ceiling ? x : ceiling; }
+
+// log2(x) of a normal number x > 0. In single precision PoCL's own spends most of its time on
+// arguments that formulas never have: this is 3 times as fast, to 2e-7 (the polynomial of
+// Cephes' logf on [sqrt(1/2), sqrt(2)), after taking the exponent off).
+#if PRECISION == 64
+static inline real positive_log2(const real x) { return log2(x); }
+#else
+static inline real positive_log2(const real x) {
+  typedef VECTOR(int) integers;
+  const integers bits = PASTE(as_, VECTOR(int))(x);
+  const integers exponent = (bits - 0x3f3504f3) >> 23;
+  const real f = PASTE(as_, VECTOR(float))(bits - (exponent << 23)) - 1.0;
+  const real f2 = f * f;
+  real p = 7.0376836292e-2;
+  p = p * f - 1.1514610310e-1;
+  p = p * f + 1.1676998740e-1;
+  p = p * f - 1.2420140846e-1;
+  p = p * f + 1.4249322787e-1;
+  p = p * f - 1.6668057665e-1;
+  p = p * f + 2.0000714765e-1;
+  p = p * f - 2.4999993993e-1;
+  p = p * f + 3.3333331174e-1;
+  const real rest = p * f * f2 - 0.5 * f2;  // ln(1 + f) - f
+  return PASTE(convert_, VECTOR(float))(exponent) + M_LOG2E_F * rest + M_LOG2E_F * f;
+}
+#endif
+
 // Sum over the lanes, in double.
 #if WIDTH == 1
 static inline double sum_lanes(const real x) { return x; }

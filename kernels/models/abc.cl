@@ -11,5 +11,5 @@ static inline void abc_basis(const geometry g, const abc_constants c, real *basi
   const real x2 = projected_distance2(g);
   // 1 - |i_xy - o_xy|^2 / 4, which cancels at grazing incidence as it stands
   const real cos2 = 0.5 * (square(g.cos_theta_i) + square(g.cos_theta_o)) + 0.25 * x2;
-  basis[0] = exp2(-c.C * log2(1.0 + c.B * x2)) * fresnel_dielectric_F(1.0 - sqrt(cos2), c.eta);
+  basis[0] = exp2(-c.C * positive_log2(1.0 + c.B * x2)) * fresnel_dielectric_F(1.0 - sqrt(cos2), c.eta);
 }

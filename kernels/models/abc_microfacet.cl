@@ -13,6 +13,6 @@ static inline void abc_microfacet_basis(const geometry g, const abc_microfacet_c
   const real inv_cos_h = sqrt(1.0 + t2);
   // 1 - n.h, by way of the tangent: the difference itself has no digits near the mirror
   const real one_minus_cos_h = t2 / (inv_cos_h * (1.0 + inv_cos_h));
-  basis[0] = exp2(-c.C * log2(1.0 + c.B * one_minus_cos_h)) *
+  basis[0] = exp2(-c.C * positive_log2(1.0 + c.B * one_minus_cos_h)) *
              fresnel_dielectric_F(g.one_minus_cos_d, c.eta) * 4.0 / v_cavity_divisor(g, t2);
 }

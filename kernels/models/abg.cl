@@ -11,6 +11,6 @@ static inline abg_constants abg_prepare(const abg_parameters p) {
 }
 
 static inline void abg_basis(const geometry g, const abg_constants c, real *basis) {
-  const real x2 = fmax(projected_distance2(g), (real)(ABG_SMALLEST_X2));
-  basis[0] = 1.0 / (c.B + exp2(c.half_g * log2(x2)));
+  const real x2 = at_least(projected_distance2(g), ABG_SMALLEST_X2);
+  basis[0] = 1.0 / (c.B + exp2(c.half_g * positive_log2(x2)));
 }

@@ -26,10 +26,10 @@ static inline void ashikhmin_shirley_basis(const geometry g, const ashikhmin_shi
                                            real *basis) {
   const real t2 = tan2_theta_h(g);
   // At the mirror both slope and logarithm vanish; their ratio is finite.
-  const real exponent = 2.0 * slope_over_alpha2(g, c.axes) * (g.log2_cos_h / fmax(t2, 1e-30));
+  const real exponent = 2.0 * slope_over_alpha2(g, c.axes) * (g.log2_cos_h / at_least(t2, 1e-30));
   // cos_theta_d = (cos_theta_i + cos_theta_o)/(2 cos_theta_h) keeps its digits at grazing.
   const real cos_d = 0.5 * (g.cos_theta_i + g.cos_theta_o) * sqrt(1.0 + t2);
-  const real lobe = c.norm * exp2(exponent) / (cos_d * fmax(g.cos_theta_i, g.cos_theta_o));
+  const real lobe = c.norm * exp2(exponent) / (cos_d * at_least(g.cos_theta_i, g.cos_theta_o));
   basis[0] = 28.0 / 23.0 * INV_PI * (ashikhmin_shirley_fill(0.5 * g.cos_theta_i) *
                                      ashikhmin_shirley_fill(0.5 * g.cos_theta_o));
   PASTE(fresnel_, OPTION_fresnel)(g, c.fresnel, lobe, basis + 1);

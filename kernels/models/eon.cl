@@ -22,7 +22,7 @@ static inline real eon_loss(const real cos_theta, const real sin_theta) {
 
 static inline void eon_basis(const geometry g, const eon_constants c, real *basis) {
   const real s = tangential_dot(g);
-  const real backward = 1.0 + c.r * s / fmax(g.cos_theta_i, g.cos_theta_o);
+  const real backward = 1.0 + c.r * s / at_least(g.cos_theta_i, g.cos_theta_o);
   // 1 + s = (|i_xy + o_xy|^2 + cos_theta_i^2 + cos_theta_o^2)/2 does not cancel at the mirror.
   const real one_plus_s =
       0.5 * (projected_distance2(g) + square(g.cos_theta_i) + square(g.cos_theta_o));

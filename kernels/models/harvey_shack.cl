@@ -9,5 +9,5 @@ static inline harvey_shack_constants harvey_shack_prepare(const harvey_shack_par
 
 static inline void harvey_shack_basis(const geometry g, const harvey_shack_constants c,
                                       real *basis) {
-  basis[0] = exp2(c.half_s * log2(1.0 + c.inv_l2 * projected_distance2(g)));
+  basis[0] = exp2(c.half_s * positive_log2(1.0 + c.inv_l2 * projected_distance2(g)));
 }

@@ -9,6 +9,6 @@ static inline oren_nayar_constants oren_nayar_prepare(const oren_nayar_parameter
 }
 
 static inline void oren_nayar_basis(const geometry g, const oren_nayar_constants c, real *basis) {
-  const real backward = fmax(tangential_dot(g), 0.0) / fmax(g.cos_theta_i, g.cos_theta_o);
+  const real backward = at_least(tangential_dot(g), 0.0) / at_least(g.cos_theta_i, g.cos_theta_o);
   basis[0] = c.flat + c.back * backward;
 }

@@ -57,16 +57,18 @@ static inline sgd_constants sgd_prepare(const sgd_parameters p) {
 static inline real sgd_G1(const real cos_theta, const real x, const real y,
                           const sgd_constants c) {
   const real elevation = atan2(cos_theta, sqrt(square(x) + square(y)));
-  const real one_minus_r = fmin(elevation * c.inv_range, 0.9999999);
+  const real one_minus_r = at_most(elevation * c.inv_range, 0.9999999);
   const real rest = -expm1(c.k_g * log1p(-one_minus_r));
   return -c.Lambda_1 * expm1(-c.L * rest);
 }
 
 static inline void sgd_basis(const geometry g, const sgd_constants c, real *basis) {
-  const real t2 = tan2_theta_h(g), m = g.one_minus_cos_d;
+  // Beyond 1e4 D is 0 for every alpha up to 2, and its factors, in whatever order they are
+  // multiplied, overflow in single precision.
+  const real t2 = at_most(tan2_theta_h(g), 1e4), m = g.one_minus_cos_d;
   const real m5 = square(square(m)) * m;
   const real F = c.F0 * (1.0 - m) + c.F_g * (m - m5) + m5;
-  const real D = exp(-t2 * c.inv_alpha) * exp2(-c.p * log2(1.0 + t2 * c.inv_alpha2)) *
+  const real D = exp(-t2 * c.inv_alpha) * exp2(-c.p * positive_log2(1.0 + t2 * c.inv_alpha2)) *
                  square(1.0 + t2);
   const real G = sgd_G1(g.cos_theta_i, g.i_x, g.i_y, c) * sgd_G1(g.cos_theta_o, g.o_x, g.o_y, c);
   basis[0] = c.norm * F * D * G / (g.cos_theta_i * g.cos_theta_o);
