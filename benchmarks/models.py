@@ -60,14 +60,19 @@ def _column(value: float | list[float]) -> Single:
 @contextmanager
 def _handed(name: str, ready: _Prepared) -> Iterator[None]:
     """Let a transcription take its geometry and its channels' values from here."""
-    module: Any = importlib.import_module(f"tests.kernels.transcriptions.{name}")
     replaced = {"geometry": lambda *_angles: ready, "per_channel": _column}
-    kept = {key: getattr(module, key) for key in replaced}
-    vars(module).update(replaced)
+    modules: list[Any] = [
+        importlib.import_module(f"tests.kernels.transcriptions.{part}")
+        for part in (name, "microfacet")
+    ]
+    kept = [{key: value for key, value in vars(m).items() if key in replaced} for m in modules]
     try:
+        for module, known in zip(modules, kept, strict=True):
+            vars(module).update({key: replaced[key] for key in known})
         yield
     finally:
-        vars(module).update(kept)
+        for module, known in zip(modules, kept, strict=True):
+            vars(module).update(known)
 
 
 def numpy_sums(work: Workload) -> Callable[[], tuple[Array, bool]]:

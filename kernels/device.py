@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class DeviceInfo:
     id : str
         ``platform index:device index``, accepted by ``device=``.
     name, platform, version : str
-        As the OpenCL runtime gives them.
+        As the OpenCL runtime gives them; the driver's version where it tells more.
     kind : str
         "cpu", "gpu" or "other".
     double : bool
@@ -94,11 +95,14 @@ def _describe(platform_index: int, device_index: int, device: cl.Device) -> Devi
     cl = _opencl()
     kinds = {cl.device_type.CPU: "cpu", cl.device_type.GPU: "gpu"}
     kind = next((k for flag, k in kinds.items() if device.type & flag), "other")
+    version, driver = device.platform.version.strip(), device.driver_version.strip()
+    if driver not in version:  # PoCL's platform tells which PoCL it is, others' only the standard
+        version = f"{version}, driver {driver}"
     return DeviceInfo(
         id=f"{platform_index}:{device_index}",
         name=device.name.strip(),
         platform=device.platform.name.strip(),
-        version=device.platform.version.strip(),
+        version=version,
         kind=kind,
         double=bool(device.double_fp_config),
     )
@@ -262,9 +266,16 @@ class Device:
         with self._lock:
             if key not in self._programs:
                 try:
-                    self._programs[key] = cl.Program(self.context, source).build(list(options))
+                    with warnings.catch_warnings():
+                        # Some runtimes log every build, and pyopencl warns of every log.
+                        warnings.simplefilter("ignore", cl.CompilerWarning)
+                        program = cl.Program(self.context, source).build(list(options))
                 except cl.Error as error:
                     raise DeviceError(f"a kernel does not build on {self.info}: {error}") from error
+                log = program.get_build_info(self.queue.device, cl.program_build_info.LOG)
+                if "warning:" in log:
+                    warnings.warn(f"a kernel builds on {self.info} with: {log}", stacklevel=2)
+                self._programs[key] = program
             return self._programs[key]
 
 

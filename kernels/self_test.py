@@ -34,6 +34,7 @@ FUNCTIONS: dict[str, Callable[[Array], Array]] = {
     "log(x)": np.log,
     "log2(x)": np.log2,
     "positive_log2(x)": np.log2,
+    "log2_1p(-0.3 * x)": lambda x: np.log1p(-0.3 * x) / np.log(2.0),
     "log1p(x)": np.log1p,
     "sqrt(x)": np.sqrt,
     "rsqrt(x)": lambda x: 1.0 / np.sqrt(x),

@@ -50,6 +50,6 @@ static inline real student_t_lambda(const real cos_theta, const real sin2_theta,
   real fraction = 1.0 + c.slope[STUDENT_T_STEPS] * w;
   for (int k = STUDENT_T_STEPS - 1; k >= 0; --k)
     fraction = 1.0 + c.slope[k] * w + c.rise[k] * w2 / fraction;
-  const real power = exp(-c.a * log1p(cos2 / spread2));
+  const real power = exp2(-c.a * log2_1p(cos2 / spread2));
   return c.norm * power * (root / ((2.0 * c.a - 1.0) * cos_theta) - 0.5 / (c.a * fraction));
 }
