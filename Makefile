@@ -9,7 +9,7 @@ demo: .venv/user
 	$(BIN)/lobefit fit samples/rough_copper.csv --out demo-output
 
 test: .venv/dev
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal
 
 # Statistical runs of minutes: coverage of intervals over hundreds of seeds.
 test-slow: .venv/dev
@@ -23,9 +23,10 @@ lint: .venv/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# Make the pages of the models again, where they are stale.
-docs: .venv/user
+# Make the pages of the models and the stability atlas again, where they are stale.
+docs: .venv/dev
 	$(BIN)/python -m docs.make
+	$(BIN)/python -m docs.stability
 
 # Make the sample measurements again from the commands recorded beside them.
 samples: .venv/user

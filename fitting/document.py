@@ -52,6 +52,7 @@ def report_document(report: FitReport) -> dict[str, Any]:
             "schema": SCHEMA,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "verdict": report.verdict,
+            "choice": None if report.choice is None else report.choice.to_dict(),
             "described": report.described,
             "best": report.best.candidate if report.results else None,
             "metric": report.metric,
@@ -163,6 +164,9 @@ def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
         "stop": dataclasses.asdict(r.stop),
         "diagnostics": dataclasses.asdict(r.diagnostics),
         "plausibility": plausibility,
+        "identifiability": None
+        if r.identifiability is None
+        else dataclasses.asdict(r.identifiability),
     }
 
 

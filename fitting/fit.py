@@ -9,15 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.choice import Choice, Contender, choose
 from lobefit.fitting.dataset import METRICS, Dataset
 from lobefit.fitting.diagnostics import by_size, outliers, rmse, worst_regions
+from lobefit.fitting.identifiability import with_identifiability
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import GROSS, gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
 from lobefit.fitting.point import PointFit, fit_point
 from lobefit.fitting.report import FailedFit, FitReport
 from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopReport
-from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic, rank
+from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic
 from lobefit.fitting.uncertainty import estimates
 from lobefit.fitting.verdict import verdict
 from lobefit.kernels import (
@@ -161,6 +163,7 @@ def fit(
     *,
     metric: str = "auto",
     options: Mapping[str, str] | None = None,
+    tolerance: float | None = None,
     device: str | Device | None = None,
     progress: Progress | None = None,
 ) -> FitReport:
@@ -184,6 +187,10 @@ def fit(
         "auto": "chi2" where the measurement has sigma, else "relative".
     options : mapping of str to str, optional
         Pieces that every model which knows them is compiled with.
+    tolerance : float, optional
+        Relative error of the predicted radiance that does not matter, such as 0.01: a
+        richer model must change predictions by more at some incidence, or the simpler
+        one is recommended.
     device : str, Device or None
         See `lobefit.kernels.get_device`.
     progress : callable, optional
@@ -198,7 +205,7 @@ def fit(
     MeasurementError
         Too few directions for every candidate.
     FitError
-        No candidate could be fitted, or an unknown metric.
+        No candidate could be fitted, an unknown metric, or a negative tolerance.
     ModelError
         An unknown model, set or option.
     DeviceError
@@ -221,6 +228,8 @@ def fit(
         metric = "chi2" if measurement.sigma is not None else "relative"
     if metric not in METRICS:
         raise FitError(f"metric is one of auto, {', '.join(METRICS)}; not {metric!r}")
+    if tolerance is not None and not 0.0 <= tolerance < np.inf:
+        raise FitError(f"tolerance is a relative error such as 0.01, not {tolerance!r}")
     wanted = candidates(models)
     is_set = isinstance(models, str) and models in ("quick", "standard", "all")
     if is_set and not measurement.has_azimuthal_evidence:
@@ -241,7 +250,10 @@ def fit(
                 failed.append(FailedFit(candidate.name, str(error)))
                 if not judged and candidate is wanted[-1]:
                     raise
-        results = _ranked(dataset, judged)
+        results, choice = _ranked(dataset, judged, tolerance)
+        results = with_identifiability(
+            results, {j.fit.problem.candidate.name: j.fit for j in judged}
+        )
         if progress is not None:
             progress(len(wanted), len(wanted), "done")
     finally:
@@ -255,7 +267,8 @@ def fit(
         results=tuple(results),
         failed=tuple(failed),
         described=described,
-        verdict=verdict(measurement, results, described, metric),
+        verdict=verdict(measurement, results, described, metric, choice.sentence),
+        choice=choice,
         seconds=time.perf_counter() - began,
         settings={
             "models": models if isinstance(models, str) else list(models),
@@ -263,6 +276,7 @@ def fit(
             "margin": BIC_MARGIN if results[0].bic is not None else RMS_MARGIN,
             "metric": metric,
             "options": dict(options or {}),
+            "tolerance": tolerance,
             "device": dataset.device.info.id,
         },
     )
@@ -289,16 +303,23 @@ def _check_options(wanted: list[Candidate], options: Mapping[str, str] | None) -
             )
 
 
-def _ranked(dataset: Dataset, judged: list[_Judged]) -> list[FitResult]:
+def _ranked(
+    dataset: Dataset, judged: list[_Judged], tolerance: float | None
+) -> tuple[list[FitResult], Choice]:
     likely = [j for j in judged if j.deviance is not None]
     if likely:
         correlation = min(likely, key=lambda j: j.deviance or 0.0).correlation
     else:
         correlation = min(judged, key=lambda j: j.fit.polished.value).correlation
     results = [_result(dataset, j, correlation) for j in judged]
-    sizes = [r.n_parameters for r in results]
-    if likely:
-        scores = [r.bic if r.bic is not None else np.inf for r in results]
-        return rank(results, scores, sizes, BIC_MARGIN)
-    rms = [float(np.sqrt(r.objective)) for r in results]
-    return rank(results, rms, sizes, RMS_MARGIN * min(rms))
+    entrants = [
+        Contender(
+            r.candidate,
+            r.n_parameters,
+            r.bic if r.bic is not None else float(np.sqrt(r.objective)),
+            j.fit,
+        )
+        for r, j in zip(results, judged, strict=True)
+    ]
+    choice = choose(entrants, dataset, tolerance)
+    return [results[k] for k in choice.order], choice

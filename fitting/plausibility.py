@@ -7,12 +7,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.checks.finding import DataCheck, DataChecks
 from lobefit.fitting.problem import Problem
-from lobefit.fitting.result import Plausibility
-from lobefit.kernels.albedo import azimuth_refinement, basis_albedo, coarse_grid
+from lobefit.fitting.result import FitResult, Plausibility
+from lobefit.kernels.albedo import (
+    azimuth_refinement,
+    basis_albedo,
+    coarse_grid,
+    directional_albedo,
+)
 from lobefit.kernels.geometry import Directions
 
-__all__ = ["plausibility"]
+__all__ = ["model_checks", "plausibility"]
 
 Array = NDArray[np.float64]
 
@@ -21,6 +27,8 @@ INCIDENCES = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0])
 ALBEDO_ERROR = 2e-3
 # Largest asymmetry that rounding alone produces.
 RECIPROCITY_ERROR = 1e-9
+# Incidences that goniometers reach; more energy beyond them only is the model's own.
+STEEP = np.radians([0.0, 30.0, 60.0])
 
 
 def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
@@ -88,4 +96,81 @@ def plausibility(problem: Problem, t: Array, c: Array) -> Plausibility:
         conserves_energy=bool((largest <= 1.0 + ALBEDO_ERROR).all()),
         reciprocity_error=worst,
         reciprocal=worst < RECIPROCITY_ERROR,
+    )
+
+
+def model_checks(result: FitResult) -> DataChecks:
+    """Say of a fitted model what `lobefit.fitting.check` says of data: verdict and remedy.
+
+    Parameters
+    ----------
+    result : FitResult
+        One candidate.
+
+    Returns
+    -------
+    DataChecks
+        "energy", with the albedo of each channel, and "model reciprocity".
+    """
+    return DataChecks((_energy(result), _exchange(result)))
+
+
+def _energy(result: FitResult) -> DataCheck:
+    p = result.plausibility
+    limit = 1.0 + ALBEDO_ERROR
+    over = [k for k, albedo in enumerate(p.albedo_max) if not albedo <= limit]
+    largest = int(np.argmax(p.albedo_max))
+    theta = float(np.degrees(p.albedo_max_theta_i[largest]))
+    figures: dict[str, float | int | str] = {
+        f"albedo_{c}": a for c, a in zip(result.channels, p.albedo_max, strict=True)
+    }
+    figures |= {"channels_above_1": len(over), "theta_i_deg": theta}
+    top = f"{p.albedo_max[largest]:.3g} (theta_i {theta:.0f}°"
+    top += f", {result.channels[largest]})" if len(result.channels) > 1 else ")"
+    if not over:
+        return DataCheck(
+            name="energy",
+            verdict="ok",
+            figures=figures,
+            sentence=f"The model gives out at most {top} of what arrives.",
+        )
+    names = ", ".join(result.channels[k] for k in over[:4]) + (", ..." if len(over) > 4 else "")
+    where = f" in {names}" if len(result.channels) > 1 else ""
+    steep = directional_albedo(result.model, result.params, STEEP, options=result.options)
+    if not (steep > limit).any():
+        remedy = (
+            "only at grazing incidence: use the model within the measured angles, or one that "
+            "conserves energy"
+        )
+    else:
+        remedy = (
+            "check the quantity of the data (a factor pi, percent, a cosine), or hold k_s at 1 "
+            "(a variant such as ggx:k_s=1)"
+        )
+    return DataCheck(
+        name="energy",
+        verdict="suspicious",
+        figures=figures,
+        sentence=f"The model gives out more than arrives{where}: up to {top}.",
+        remedy=remedy,
+    )
+
+
+def _exchange(result: FitResult) -> DataCheck:
+    p = result.plausibility
+    figures = {"reciprocity_error": p.reciprocity_error}
+    if p.reciprocal:
+        return DataCheck(
+            name="model reciprocity",
+            verdict="ok",
+            figures=figures,
+            sentence="The model is the same with light and detector exchanged.",
+        )
+    return DataCheck(
+        name="model reciprocity",
+        verdict="suspicious",
+        figures=figures,
+        sentence="The model changes by up to "
+        f"{100 * p.reciprocity_error:.2g} % of the sum when light and detector are exchanged.",
+        remedy="bidirectional light transport needs a reciprocal model: take another candidate",
     )

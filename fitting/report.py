@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lobefit.fitting.choice import Choice
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
 
@@ -41,7 +42,10 @@ class FitReport:
     seconds : float
         Wall time of everything.
     settings : dict
-        What the call asked for: models, metric, device; to repeat the fit.
+        What the call asked for: models, metric, tolerance, device; to repeat the fit.
+    choice : Choice or None
+        Why the first one is recommended: predictions of left-out blocks, and by how much
+        candidates differ.
     """
 
     measurement: Measurement
@@ -52,10 +56,11 @@ class FitReport:
     verdict: str
     seconds: float
     settings: dict[str, Any]
+    choice: Choice | None = None
 
     @property
     def best(self) -> FitResult:
-        """The recommended result: the simplest within the margin of the best."""
+        """The recommended result: the simplest sufficient one."""
         return self.results[0]
 
     def __getitem__(self, candidate: str) -> FitResult:

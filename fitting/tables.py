@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from lobefit.fitting.identifiability_texts import limit_value
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult, ParameterEstimate
 
@@ -102,7 +103,13 @@ def cautions(result: FitResult) -> list[str]:
             f"the model is not reciprocal: f(i,o) and f(o,i) differ by up to "
             f"{100 * p.reciprocity_error:.2g} % of their sum"
         )
+    known = result.identifiability
+    apart = {(n, c.channel) for c in known.combinations for n in c.parameters} if known else set()
     for e in result.estimates:
+        if known and known.limit(e.name, e.channel):
+            continue  # a limit says more than a bound
+        if e.status == "undetermined" and {(e.name, e.channel), (e.name, None)} & apart:
+            continue
         if e.status in ("lower", "upper"):
             said.append(f"{_label(e, result)} = {e.value:.4g} lies on its {e.status} bound")
         elif e.status == "undetermined":
@@ -110,6 +117,8 @@ def cautions(result: FitResult) -> list[str]:
     if len(said) > 12:  # 31 channels on one bound are one thing to know
         said = [s for s in said if " bound" not in s and "not determined" not in s]
         said += [f for f in flags(result) if f.endswith(("bound", "undetermined"))]
+    if known:
+        said += known.sentences
     if not result.stop.converged:
         said.append(f"the search did not converge: {result.stop.reason}")
     return said
@@ -126,14 +135,14 @@ def parameters(result: FitResult) -> str:
     """
     shared = [e for e in result.estimates if e.channel is None or len(result.channels) == 1]
     lines = aligned(
-        [(e.name, _value(e), "" if e.unit == "1" else e.unit, e.meaning) for e in shared],
+        [(e.name, _value(e, result), "" if e.unit == "1" else e.unit, e.meaning) for e in shared],
         left=(0, 1, 2, 3),
     )
     own = [e for e in result.estimates if e.channel is not None]
     if len(result.channels) == 1 or not own:
         return "\n".join(lines)
     names = list(dict.fromkeys(e.name for e in own))
-    cells = {(e.channel, e.name): _value(e) for e in own}
+    cells = {(e.channel, e.name): _value(e, result) for e in own}
     rows = [("channel", *names)]
     rows += [(c, *(cells.get((c, n), MISSING) for n in names)) for c in result.channels]
     return "\n".join([*lines, *aligned(rows, left=range(len(names) + 1))])
@@ -168,12 +177,27 @@ def _label(e: ParameterEstimate, result: FitResult) -> str:
     return f"{e.name}[{e.channel}]" if e.channel and len(result.channels) > 1 else e.name
 
 
-def _value(e: ParameterEstimate) -> str:
-    if e.status == "undetermined":
+def _value(e: ParameterEstimate, result: FitResult) -> str:
+    limit = result.identifiability and result.identifiability.limit(e.name, e.channel)
+    if limit:
+        sign = "<" if limit.kind == "upper" else ">"
+        return f"{e.value:.3g} ({sign} {limit_value(limit.value, e.value)})"
+    if e.status == "undetermined" or _lost(e, result):
         return f"{e.value:.2g} (undetermined)"
-    text = with_error(e.value, e.standard_error)
+    # On a bound the error is that of an estimate free to cross it, and no interval.
+    bound = e.status in ("lower", "upper")
+    text = with_error(e.value, None if bound else e.standard_error)
     marks = {"free": "", "fixed": " (held)", "tied": " (tied)"}
     return text + marks.get(e.status, f" ({e.status} bound)")
+
+
+def _lost(e: ParameterEstimate, result: FitResult) -> bool:
+    """Tell whether a parameter cannot be told apart from others at all."""
+    known = result.identifiability
+    return known is not None and any(
+        e.name in c.parameters and c.channel in (None, e.channel) and c.hopeless
+        for c in known.combinations
+    )
 
 
 def _difference(bic: float) -> str:

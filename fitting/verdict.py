@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
-from lobefit.fitting.selection import BIC_MARGIN
 
 __all__ = ["verdict"]
 
@@ -17,7 +16,11 @@ WIDE = 3.0
 
 
 def verdict(
-    measurement: Measurement, results: Sequence[FitResult], described: bool, metric: str
+    measurement: Measurement,
+    results: Sequence[FitResult],
+    described: bool,
+    metric: str,
+    reason: str = "",
 ) -> str:
     """Say what a fit found.
 
@@ -31,6 +34,8 @@ def verdict(
         Whether the first one describes the surface.
     metric : str
         How residuals were weighed.
+    reason : str
+        The sentence that says why the first one was chosen.
 
     Returns
     -------
@@ -39,7 +44,7 @@ def verdict(
     """
     sentences = [
         *_quality(results[0], described),
-        *_rival(results),
+        *([reason] if reason else []),
         *_doubts(results),
         *_data(measurement, results[0], described, metric),
     ]
@@ -61,21 +66,6 @@ def _quality(best: FitResult, described: bool) -> list[str]:
     if d.misfit_limited:
         return [f"{best.candidate} approximates this surface, not to within its noise {quality}."]
     return [f"{best.candidate} describes this surface to within its noise {quality}."]
-
-
-def _rival(results: Sequence[FitResult]) -> list[str]:
-    best = results[0]
-    if len(results) == 1 or best.bic is None or results[1].bic is None:
-        return []
-    rival, lead = results[1], results[1].bic - best.bic
-    if lead >= 0.0:
-        return [f"The next best, {rival.candidate}, has a BIC {lead:.3g} higher."]
-    more = rival.n_parameters - best.n_parameters
-    plural = "s" if more > 1 else ""
-    needed = f"{BIC_MARGIN:g} would be needed"
-    return [
-        f"{rival.candidate} has {more} parameter{plural} more; its BIC is {-lead:.2g} lower, {needed}."
-    ]
 
 
 def _doubts(results: Sequence[FitResult]) -> list[str]:

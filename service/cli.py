@@ -1,4 +1,4 @@
-"""The command line: ``lobefit fit``, ``export``, ``models``, ``devices`` and ``simulate``.
+"""The command line: ``lobefit fit``, ``check``, ``export``, ``models``, ``devices`` and ``simulate``.
 
 Answers go to standard output, progress and complaints to standard error. Exit status: 0 if all
 went well, 2 for bad input (one line says what and where), 130 when interrupted.
@@ -18,7 +18,9 @@ import typer
 from typer.core import TyperGroup
 
 from lobefit import __version__
+from lobefit.service.check import check
 from lobefit.service.export import export
+from lobefit.service.sample import posterior_lines, sample, sampled
 
 __all__ = ["app", "main"]
 
@@ -100,6 +102,14 @@ def fit(
         list[str] | None,
         typer.Option(help="A choice for every model that has it, as fresnel=f82; repeatable."),
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(help="Relative error of radiance that does not matter, as 0.01."),
+    ] = None,
+    posterior: Annotated[
+        bool, typer.Option("--posterior", help="Sample the posterior of the best model too.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="With --posterior: its seed.")] = 0,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for report.json, fit.png, lobes.exr and samples.csv."),
@@ -132,26 +142,34 @@ def fit(
             models=models,
             metric=metric,
             options=dict(_settings(option, "--option")),
+            tolerance=tolerance,
             device=device,
             progress=progress,
         )
     added = {"sha256": digest} | ({} if max_theta is None else {"max_theta_deg": max_theta})
     report = replace(report, settings={**report.settings, **added})
     written = {} if out is None else report.save(out)
+    document, lines = report.to_dict(), []
+    if posterior:
+        found = sampled(report.best, measurement, out, seed=seed, device=device)
+        written |= {} if out is None else found.save(out)
+        document["posterior"], lines = found.to_dict(), ["", *posterior_lines(found)]
     if as_json:
-        typer.echo(to_json(report.to_dict()))
+        typer.echo(to_json(document))
         return
     for line in measurement_lines(measurement):
         typer.echo(line)
     typer.echo("\n" + wrapped(report.verdict) + "\n")
-    for line in result_lines(report):
+    for line in (*result_lines(report), *lines):
         typer.echo(line)
     if written:
         names = ", ".join(path.name for path in written.values())
         typer.echo(f"\nWritten to {out}: {names}")
 
 
+app.command()(check)
 app.command()(export)
+app.command()(sample)
 
 
 @app.command()

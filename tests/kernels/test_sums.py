@@ -271,8 +271,7 @@ def test_channels_with_parameters_of_their_own(precision: Precision) -> None:
         np.testing.assert_array_equal(together.gram[0, channel], alone.gram[0, channel])
         np.testing.assert_array_equal(together.rhs[0, channel], alone.rhs[0, channel])
         assert together.chi_square[0, channel] == alone.chi_square[0, channel]
-        # Another kernel, which a compiler may contract otherwise: rounding of the terms.
-        rel = 1e-12 if precision == "double" else 1e-7
+        rel = 1e-12 if precision == "double" else 1e-7  # another kernel, contracted otherwise
         assert squares[0, channel] == pytest.approx(alone.chi_square[0, channel], rel=rel)
 
 
