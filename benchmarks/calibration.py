@@ -17,8 +17,9 @@ the ranks of a right sampler are uniform.
 
 One channel, 212 directions in the plane of incidence. The noise is so strong that the prior matters
 as much as the data in many simulations, and little in others: a mistake in the prior or in a
-Jacobian is seen only there. Priors are the defaults but for `n` and `alpha`, which are restricted
-to lobes that 3 degree steps resolve; `sample` is given the same priors as truths are drawn from.
+Jacobian is seen only where the prior matters. Priors are the defaults but for `n` and `alpha`,
+which are restricted to lobes that 3 degree steps resolve (with two lobes, to a broad and a
+narrow one); `sample` is given the same priors as truths are drawn from.
 Where the uncertainty is given it is the same for all values, because a sigma that depends on the
 truth would tell it.
 
@@ -28,7 +29,8 @@ ranks of chains that did not converge count like all others.
 ``--break jacobian`` drops the Jacobian of the transforms, which the table must show.
 
 Rows are kept in ``results/calibration.partial.jsonl`` as they come; ``--resume`` goes on from
-there. Figures go to ``results/calibration.json``, by case.
+there. Figures go to ``results/calibration.json``, by case: cases can be run one by one, and
+``--report`` prints the table of all that were.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -54,25 +56,12 @@ from benchmarks.timing import machine
 from lobefit.fitting.priors import LogUniform, Prior
 from lobefit.fitting.space import NoiseModel
 
-__all__ = [
-    "CASES",
-    "Case",
-    "bins_for",
-    "calibrate",
-    "chi_square",
-    "line",
-    "main",
-    "one",
-    "rank",
-    "summarise",
-    "table",
-]
+__all__ = ["CASES", "HARD", "Case", "calibrate", "main", "one", "summarise", "table"]
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 RESULTS = Path(__file__).parent / "results"
-PARTIAL = RESULTS / "calibration.partial.jsonl"
 GEOMETRY = "in-plane incidences=10,30,50,70 step=3"
 MAX_STEPS = 4000
 # Above this share of point fits on a bound, a parameter is listed apart.
@@ -108,11 +97,21 @@ CASES: dict[str, Case] = {
     "oren_nayar": Case("oren_nayar", sigma=0.3),
     "modified_phong": Case("modified_phong", priors={"n": LogUniform(2.0, 200.0)}),
     "ggx": Case("ggx", priors={"alpha": RESOLVED}),
-    "ggx+ggx": Case("ggx+ggx", priors={"alpha_1": RESOLVED, "alpha_2": RESOLVED}),
+    "modified_phong+ggx": Case(
+        "modified_phong+ggx",
+        sigma=0.03,
+        priors={"n_1": LogUniform(2.0, 20.0), "alpha_2": LogUniform(0.05, 0.2)},
+    ),
     "modified_phong, noise sampled": Case(
         "modified_phong", noise="fit", priors={"n": LogUniform(2.0, 200.0)}
     ),
 }
+# Left out unless asked for by name: such data have several explanations by two like lobes, between
+# which walkers seldom pass; most chains do not converge within the budget, and say so.
+HARD: dict[str, Case] = {
+    "ggx+ggx": Case("ggx+ggx", priors={"alpha_1": RESOLVED, "alpha_2": RESOLVED}),
+}
+KNOWN = {**CASES, **HARD}
 BREAKS = ("jacobian",)
 
 
@@ -157,7 +156,7 @@ def one(name: str, number: int, draws: int = 63, kind: str | None = None) -> Row
     from lobefit.fitting.space import Space
     from lobefit.kernels import LobefitError, candidate
 
-    case = CASES[name]
+    case = KNOWN[name]
     rng = np.random.default_rng([number, *name.encode()])
     space = Space(candidate(case.model), ("brdf",), noise=case.noise, priors=case.priors)
     truth = space.draw(rng, 1)[0]
@@ -323,50 +322,69 @@ def calibrate(
     return rows
 
 
+def _kept(unfinished: Path, settings: Mapping[str, Any]) -> list[Row]:
+    """Read the rows of a run that was ended; the last line may be torn."""
+    rows = []
+    for text in unfinished.read_text(encoding="utf-8").splitlines():
+        with suppress(json.JSONDecodeError):
+            row = json.loads(text)
+            if {key: row[key] for key in settings} == settings:
+                rows.append(row)
+    return rows
+
+
 def main() -> None:
     """Run it, write figures, print the table."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.calibration", description=(__doc__ or "").partition("\n")[0]
     )
-    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {'; '.join(CASES)}")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"of {'; '.join(KNOWN)}")
     parser.add_argument("--simulations", type=int, default=256, help="for each case")
     parser.add_argument("--draws", type=int, default=63)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--break", dest="kind", choices=BREAKS, help="make the sampler wrong")
     parser.add_argument("--resume", action="store_true", help="go on from an unfinished run")
+    parser.add_argument("--report", action="store_true", help="print the table of earlier runs")
     asked = parser.parse_args()
     names = asked.cases or list(CASES)
-    if unknown := [name for name in names if name not in CASES]:
-        parser.error(f"no case {', '.join(unknown)}; there are {'; '.join(CASES)}")
+    if unknown := [name for name in names if name not in KNOWN]:
+        parser.error(f"no case {', '.join(unknown)}; there are {'; '.join(KNOWN)}")
     RESULTS.mkdir(exist_ok=True)
-    settings = {"draws": asked.draws, "broken": asked.kind}
-    done: list[Row] = []
-    if asked.resume and PARTIAL.exists():
-        kept = [json.loads(text) for text in PARTIAL.read_text(encoding="utf-8").splitlines()]
-        done = [r for r in kept if {key: r[key] for key in settings} == settings]
-    began = time.perf_counter()
-    with PARTIAL.open("a" if asked.resume else "w", encoding="utf-8") as partial:
-
-        def told(row: Row, count: int, total: int) -> None:
-            partial.write(json.dumps({**row, **settings}) + "\n")
-            partial.flush()
-            pace = (time.perf_counter() - began) / (count - len(done))
-            if count % 16 == 0 or count == total:
-                print(f"{count} of {total}, {pace * (total - count):.0f} s left", flush=True)
-
-        rows = calibrate(
-            names, asked.simulations, asked.draws, asked.processes, asked.kind, done=done, told=told
-        )
-    found = {name: summarise([r for r in rows if r["case"] == name], asked.draws) for name in names}
-    print(table(found), flush=True)
     file = RESULTS / f"calibration{f'_{asked.kind}' if asked.kind else ''}.json"
     record = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    if asked.report:
+        print(table({name: record[name] for name in KNOWN if name in record}))
+        return
+    settings = {"draws": asked.draws, "broken": asked.kind}
+    unfinished = file.with_suffix(".partial.jsonl")
+    done = _kept(unfinished, settings) if asked.resume and unfinished.exists() else []
+    began = time.perf_counter()
+
+    def write(rows: Iterable[Row]) -> None:
+        text = "".join(json.dumps({**row, **settings}) + "\n" for row in rows)
+        unfinished.write_text(text, encoding="utf-8")
+
+    def told(row: Row, count: int, total: int) -> None:
+        with unfinished.open("a", encoding="utf-8") as partial:
+            partial.write(json.dumps({**row, **settings}) + "\n")
+        if count % 16 == 0 or count == total:
+            pace = (time.perf_counter() - began) / max(count - old, 1)
+            print(f"{count} of {total}, {pace * (total - count):.0f} s left", flush=True)
+
+    write(done)
+    old = len([r for r in done if r["case"] in names and r["number"] < asked.simulations])
+    rows = calibrate(
+        names, asked.simulations, asked.draws, asked.processes, asked.kind, done=done, told=told
+    )
+    found = {name: summarise([r for r in rows if r["case"] == name], asked.draws) for name in names}
+    print(table(found), flush=True)
+    here = machine()
     for name, figures in found.items():
-        settings_of = repr(CASES[name])
-        record[name] = {"machine": machine(), "settings": settings_of, **figures}
-    file.write_text(json.dumps(record, indent=None) + "\n", encoding="utf-8")
+        record[name] = {"machine": here, "settings": repr(KNOWN[name]), **figures}
+    file.write_text(json.dumps(record) + "\n", encoding="utf-8")
     if len(rows) == len(names) * asked.simulations:
-        PARTIAL.unlink()
+        others = [r for r in done if r["case"] not in names]
+        write(others) if others else unfinished.unlink()
 
 
 if __name__ == "__main__":

@@ -145,10 +145,10 @@ class Space:
         self.coordinates = tuple(found)
         self._index = {(c.name, c.channel): k for k, c in enumerate(found)}
         pairs = []
-        for c in range(len(self.channels)) if noise == "fit" and levels is not None else ():
+        for c, level in enumerate(levels if levels is not None and noise == "fit" else ()):
             a, r = (self._index[name, c] for name in NOISE_NAMES["fit"])
-            if ways[a] == ways[r] == Way(0.0, np.inf) and levels[c] > 0.0:
-                pairs.append(NoisePair(a, r, float(levels[c])))
+            if ways[a] == ways[r] == Way(0.0, np.inf) and level > 0.0:
+                pairs.append(NoisePair(a, r, float(level)))
         self.transforms = Transforms(ways, self._levers(ways, information), pairs)
         self._stack_priors()
         self._gather()

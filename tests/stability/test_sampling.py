@@ -159,9 +159,9 @@ def test_short_chain() -> None:
 def test_budget_that_is_too_small() -> None:
     m = simulate("lambert", {"k_d": 0.5}, "in-plane step=5", seed=1)
     result = fit(m, "lambert").best
-    posterior = sample(result, m, max_steps=450, seed=1)
+    posterior = sample(result, m, max_steps=350, seed=1)
     assert not posterior.converged
-    assert posterior.reason.startswith("the budget ended after 450 steps")
+    assert posterior.reason.startswith("the budget ended after 350 steps")
     assert "NOT CONVERGED" in str(posterior)
     assert len(posterior["k_d"])  # the chain is kept
     with pytest.raises(FitError, match="within the warm-up"):
@@ -186,8 +186,11 @@ def test_modes_apart() -> None:
     apart[:, :2, :, 0] += 20.0
     said = " ".join(judge(apart, apart[:320], ("x", "y", "z")).reasons)
     assert "the 4 ensembles disagree: R-hat of x is" in said
-    # From one of two modes 20 standard deviations apart no ensemble finds the other.
+    # Twenty apart the other one is found from the first, fifty apart by no ensemble.
     outcome, samples = own(two_modes(10.0), np.array([10.0, 0, 0]))
+    assert outcome.judgement.reasons == ()
+    assert (samples[..., 0] > 0).mean() == pytest.approx(0.5, abs=0.05)
+    outcome, samples = own(two_modes(25.0), np.array([25.0, 0, 0]))
     assert outcome.judgement.reasons == ()
     assert (samples[..., 0] > 0).all()
 
