@@ -150,7 +150,9 @@ def broken(kind: str | None) -> AbstractContextManager[object]:
     return patch.object(Transforms, "log_jacobian", lambda self, q, theta: np.zeros(len(q)))
 
 
-def one(name: str, number: int, draws: int = 63, kind: str | None = None) -> Row:
+def one(
+    name: str, number: int, draws: int = 63, kind: str | None = None, max_steps: int = MAX_STEPS
+) -> Row:
     """Simulate one measurement, sample its posterior, rank the truth."""
     from lobefit.fitting import fit, sample, simulate
     from lobefit.fitting.space import Space
@@ -177,7 +179,7 @@ def one(name: str, number: int, draws: int = 63, kind: str | None = None) -> Row
     try:
         result = fit(m, models=[case.model]).best
         with broken(kind):
-            p = sample(result, m, seed=number, priors=case.priors, max_steps=MAX_STEPS)
+            p = sample(result, m, seed=number, priors=case.priors, max_steps=max_steps)
     except LobefitError as error:
         return {**row, "failed": str(error), "seconds": time.perf_counter() - began}
     seconds = time.perf_counter() - began
@@ -285,6 +287,7 @@ def calibrate(
     draws: int = 63,
     processes: int = 2,
     kind: str | None = None,
+    max_steps: int = MAX_STEPS,
     *,
     done: Iterable[Row] = (),
     told: Callable[[Row, int, int], None] | None = None,
@@ -298,6 +301,8 @@ def calibrate(
     simulations, draws, processes : int
     kind : str, optional
         How the sampler is broken.
+    max_steps : int
+        Budget of each chain.
     done : iterable of dict
         Rows of an earlier run with the same settings.
     told : callable, optional
@@ -310,7 +315,7 @@ def calibrate(
     # The runtime of OpenCL survives no fork; and each process keeps to one core.
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        made = [pool.submit(one, name, k, draws, kind) for name, k in jobs]
+        made = [pool.submit(one, name, k, draws, kind, max_steps) for name, k in jobs]
         try:
             for future in as_completed(made):
                 rows.append(future.result())
@@ -328,7 +333,7 @@ def _kept(unfinished: Path, settings: Mapping[str, Any]) -> list[Row]:
     for text in unfinished.read_text(encoding="utf-8").splitlines():
         with suppress(json.JSONDecodeError):
             row = json.loads(text)
-            if {key: row[key] for key in settings} == settings:
+            if {key: row.get(key) for key in settings} == settings:
                 rows.append(row)
     return rows
 
@@ -342,6 +347,7 @@ def main() -> None:
     parser.add_argument("--simulations", type=int, default=256, help="for each case")
     parser.add_argument("--draws", type=int, default=63)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--max-steps", type=int, default=MAX_STEPS, help="budget of a chain")
     parser.add_argument("--break", dest="kind", choices=BREAKS, help="make the sampler wrong")
     parser.add_argument("--resume", action="store_true", help="go on from an unfinished run")
     parser.add_argument("--report", action="store_true", help="print the table of earlier runs")
@@ -355,7 +361,7 @@ def main() -> None:
     if asked.report:
         print(table({name: record[name] for name in KNOWN if name in record}))
         return
-    settings = {"draws": asked.draws, "broken": asked.kind}
+    settings = {"draws": asked.draws, "broken": asked.kind, "max_steps": asked.max_steps}
     unfinished = file.with_suffix(".partial.jsonl")
     done = _kept(unfinished, settings) if asked.resume and unfinished.exists() else []
     began = time.perf_counter()
@@ -373,9 +379,8 @@ def main() -> None:
 
     write(done)
     old = len([r for r in done if r["case"] in names and r["number"] < asked.simulations])
-    rows = calibrate(
-        names, asked.simulations, asked.draws, asked.processes, asked.kind, done=done, told=told
-    )
+    budget = (asked.simulations, asked.draws, asked.processes, asked.kind, asked.max_steps)
+    rows = calibrate(names, *budget, done=done, told=told)
     found = {name: summarise([r for r in rows if r["case"] == name], asked.draws) for name in names}
     print(table(found), flush=True)
     here = machine()
