@@ -10,6 +10,7 @@ import numpy as np
 from lobefit.fitting.identifiability_limits import RULED_OUT, VAGUE
 from lobefit.fitting.identifiability_noise import NoiseFreedom
 from lobefit.fitting.information import Information
+from lobefit.fitting.noise import variance
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.profile import Profile, restore_weights
 from lobefit.fitting.resolution import Peak
@@ -143,10 +144,27 @@ def _shapes_of_nothing(
         if any(e.value and (e.standard_error or 0.0) < VAGUE * e.value for e in scales):
             continue
         restore_weights(fit)
-        if all(
-            Profile(fit, name, _channel(e, result), scale).rise(0.0) < RULED_OUT for e in scales
-        ):
+        if all(_may_be_nothing(fit, e.name, _channel(e, result), scale) for e in scales):
             parts = {p for k in bases for p in products[k]}
             for e in result.estimates:
                 if e.name in inside | parts and e.status == "free":
                     yield e.name, e.channel
+
+
+def _may_be_nothing(fit: PointFit, name: str, channel: int, scale: float) -> bool:
+    """Tell whether a fit without a lobe is not ruled out."""
+    profile = Profile(fit, name, channel, scale)
+    if profile.rise(0.0) >= RULED_OUT:
+        return False
+    changes = profile.changes(0.0)
+    dataset = fit.problem.dataset
+    if changes is None or not dataset.estimates_noise:
+        return True
+    # Noise in proportion to a peak would excuse that it is missed altogether: without the
+    # lobe the noise is that of what is left.
+    measured = np.where(dataset.used, dataset.measurement.values, 0.0)
+    without = fit.values + changes
+    weaker = variance(without, fit.additive, fit.relative)
+    rise = (measured - without) ** 2 / weaker - ((measured - fit.values) / fit.sigma) ** 2
+    rise += np.log(weaker / fit.sigma**2)
+    return float(rise[dataset.used].sum()) / scale < RULED_OUT

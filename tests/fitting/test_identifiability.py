@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lobefit.fitting import FitReport, Measurement, fit, simulate
+from lobefit.fitting import FitReport, Measurement, fit, read_measurement, simulate
 from lobefit.fitting.advice import advise
 from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.document import report_document, to_json
@@ -25,6 +26,7 @@ from tests.fitting.reports import strict
 
 Array = npt.NDArray[np.float64]
 
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
 NOISE = (0.02, 1e-3)
 GLOSSY: dict[str, float | list[float]] = {"k_d": 0.1, "k_s": 1.0, "F0": 0.04, "alpha": 0.1}
 NORMAL = "in-plane incidences=0,5 step=10"
@@ -210,6 +212,25 @@ def test_a_broad_lobe_beside_an_unresolved_peak_keeps_its_errors() -> None:
     result = fit(m, "beckmann+beckmann").best
     rows = {e.name: e for e in result.estimates}
     assert rows["alpha_1"].standard_error is None
+    assert rows["alpha_2"].standard_error is not None
+
+
+def test_without_a_lobe_nothing_is_said_of_its_shape() -> None:
+    m = simulate("lambert", {"k_d": 0.3}, "in-plane incidences=20,40,60 step=5", NOISE, seed=4)
+    rows = {e.name: e for e in fit(m, "ggx").best.estimates}
+    assert rows["k_d"].standard_error is not None
+    assert rows["alpha"].standard_error is None
+
+
+@pytest.mark.skipif(
+    not DATA.is_dir(), reason="the measurements are not part of the project (../shared/data)"
+)
+def test_a_misfit_does_not_make_a_bright_lobe_nothing() -> None:
+    """Residuals of half the value count as noise; a peak 10 times the rest is none all the same."""
+    report = fit(read_measurement(DATA / "mtmrt_aluminium.csv"), "ggx+ggx")
+    assert report.best.diagnostics.misfit_limited
+    rows = {e.name: e for e in report.best.estimates}
+    assert rows["alpha_1"].standard_error is not None
     assert rows["alpha_2"].standard_error is not None
 
 
