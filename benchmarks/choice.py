@@ -20,6 +20,7 @@ import multiprocessing
 import os
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -114,14 +115,27 @@ def run(
     processes: int = 2,
     tolerance: float | None = None,
     geometry: str = GEOMETRY,
+    *,
+    done: Sequence[dict[str, Any]] = (),
+    told: Callable[[dict[str, Any], int, int], None] | None = None,
 ) -> dict[str, Any]:
-    """Fit so many sets of every model and noise; returns a JSON-able record."""
-    jobs = [(model, noise, seed) for seed in range(sets) for noise in NOISES for model in RANGES]
+    """Fit so many sets of every model and noise; returns a JSON-able record.
+
+    `done` are rows of an earlier run with the same settings; `told` is given each new row, the
+    number of rows and how many there will be.
+    """
+    wanted = [(model, noise, seed) for seed in range(sets) for noise in NOISES for model in RANGES]
+    there = {(r["model"], r["noise"], r["seed"]): r for r in done}
+    rows = [there[job] for job in wanted if job in there]
+    jobs = [job for job in wanted if job not in there]
     # The runtime of OpenCL survives no fork; and each process keeps to one core.
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
     began = time.perf_counter()
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        rows = list(pool.map(partial(one, tolerance=tolerance, geometry=geometry), jobs))
+        for row in pool.map(partial(one, tolerance=tolerance, geometry=geometry), jobs):
+            rows.append(row)
+            if told is not None:
+                told(row, len(rows), len(wanted))
     seconds = time.perf_counter() - began
     return {
         "sets": sets,
@@ -231,10 +245,26 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tolerance", type=float, default=None, help="what fit is given")
     parser.add_argument("--geometry", default=GEOMETRY, help="scan that is simulated")
+    parser.add_argument("--resume", action="store_true", help="go on from an unfinished run")
     asked = parser.parse_args()
-    result = run(asked.sets, asked.processes, asked.tolerance, asked.geometry)
-    print(table(result), flush=True)
     RESULTS.mkdir(exist_ok=True)
+    settings = {"tolerance": asked.tolerance, "geometry": asked.geometry}
+    unfinished = RESULTS / "choice.partial.jsonl"
+    kept = unfinished.read_text(encoding="utf-8") if unfinished.exists() and asked.resume else ""
+    # The last line of a run that was ended may be torn.
+    lines = [json.loads(text) for text in kept.splitlines(keepends=True) if text.endswith("\n")]
+    done = [r for r in lines if {key: r[key] for key in settings} == settings]
+    unfinished.write_text("".join(json.dumps(r) + "\n" for r in done), encoding="utf-8")
+
+    def told(row: dict[str, Any], count: int, total: int) -> None:
+        with unfinished.open("a", encoding="utf-8") as partial_rows:
+            partial_rows.write(json.dumps({**row, **settings}) + "\n")
+        if count % 80 == 0:
+            print(f"{count} of {total}", flush=True)
+
+    result = run(asked.sets, asked.processes, asked.tolerance, asked.geometry, done=done, told=told)
+    unfinished.unlink()
+    print(table(result), flush=True)
     record = json.dumps({"machine": machine(), **result}, indent=1)
     (RESULTS / "choice.json").write_text(record + "\n", encoding="utf-8")
     picture(result, RESULTS / "choice.png")

@@ -17,6 +17,7 @@ import numpy as np
 
 from lobefit import __version__
 from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.plausibility import model_checks
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
 from lobefit.kernels import get_model
@@ -61,6 +62,7 @@ def report_document(report: FitReport) -> dict[str, Any]:
             "device": report.best.stop.device if report.results else None,
             "seconds": report.seconds,
             "measurement": _measurement(report.measurement, digest),
+            "checks": report.checks.to_dict() if report.results else None,
             "results": [
                 _result(r, rank, min(known, default=0.0))
                 for rank, r in enumerate(report.results, start=1)
@@ -164,6 +166,7 @@ def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
         "stop": dataclasses.asdict(r.stop),
         "diagnostics": dataclasses.asdict(r.diagnostics),
         "plausibility": plausibility,
+        "checks": model_checks(r).to_dict(),
         "identifiability": None
         if r.identifiability is None
         else dataclasses.asdict(r.identifiability),

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lobefit.fitting.choice import Choice
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
+
+if TYPE_CHECKING:
+    from lobefit.fitting.checks import DataChecks
 
 __all__ = ["FailedFit", "FitReport"]
 
@@ -62,6 +66,14 @@ class FitReport:
     def best(self) -> FitResult:
         """The recommended result: the simplest sufficient one."""
         return self.results[0]
+
+    @cached_property
+    def checks(self) -> DataChecks:
+        """Whether the data can be what they are declared to be, the best result at hand."""
+        # The checks of a measurement alone fit models, and so import what imports this.
+        from lobefit.fitting.checks import check
+
+        return check(self.measurement, self.best)
 
     def __getitem__(self, candidate: str) -> FitResult:
         """Give the result of a candidate by name."""

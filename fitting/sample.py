@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.likelihood import Censoring, Density
 from lobefit.fitting.measurement import DIRECTION_COLUMNS, Measurement
-from lobefit.fitting.noise import estimate_noise, variance
+from lobefit.fitting.noise import GROSS, estimate_noise, level, variance
 from lobefit.fitting.posterior import Posterior
 from lobefit.fitting.priors import Prior
 from lobefit.fitting.result import FitResult
@@ -90,7 +90,8 @@ def sample(
         channel, f the model's value; "given" takes the measurement's sigma, "scaled" times a
         factor in each channel that is sampled; "fixed" holds the noise that the point fit
         found. "auto": "given" where the fit weighed with sigma, "scaled" where residuals
-        are larger than it says, else "fit".
+        are larger than it says, else "fit"; where residuals are more than any instrument's
+        noise, what the point fit found is scaled.
     student : bool
         Student's t instead of a Gaussian, for outliers; its nu is sampled.
     correlation : {"auto", "ignore"}
@@ -249,10 +250,9 @@ def _noise(
     """Decide what is sampled of the noise; returns known sigmas and what to tell."""
     notes: list[str] = []
     given = result.noise.given and m.sigma is not None
-    if wanted == "auto":
-        wanted = "given" if given else "fit"
-        reduced = result.diagnostics.reduced_chi_square
-        if given and result.diagnostics.misfit_limited and reduced > 1.0:
+    if wanted == "auto" and given:
+        wanted, reduced = "given", result.diagnostics.reduced_chi_square
+        if result.diagnostics.misfit_limited and reduced > 1.0:
             wanted = "scaled"
             notes.append(
                 f"Residuals are {np.sqrt(reduced):.2g} times the stated sigma, which is therefore "
@@ -262,11 +262,21 @@ def _noise(
         if m.sigma is None:
             raise FitError(f'noise="{wanted}" needs a measurement with sigma')
         return ("given" if wanted == "given" else "scaled"), m.sigma, notes
+    additive, relative, values = scales
+    gross = float(relative.max()) > GROSS
+    if wanted == "auto" and gross:
+        # A likelihood with noise in proportion to the model explains a gross misfit by a
+        # brighter model; the point fit's levels do not follow the model.
+        notes.append(
+            f"Residuals of {100 * relative.max():.0f} % of the value are misfit, not noise: sigma "
+            "is held at the point fit's, times a factor that is sampled."
+        )
+        h = level(values, m.values, gross=True)
+        return "scaled", np.sqrt(variance(h, additive, relative)), notes
     if wanted == "fixed":
-        additive, relative, values = scales
         notes.append("The noise is held at what the point fit found.")
         return "given", np.sqrt(variance(values, additive, relative)), notes
-    if wanted != "fit":
+    if wanted not in ("auto", "fit"):
         raise FitError(f"noise is auto, fit, scaled, given or fixed; not {wanted!r}")
     return "fit", None, notes
 

@@ -1,4 +1,4 @@
-"""The command line: ``lobefit fit``, ``check``, ``export``, ``models``, ``devices`` and ``simulate``.
+"""The command line: fit, sample, check, export, models, devices and simulate.
 
 Answers go to standard output, progress and complaints to standard error. Exit status: 0 if all
 went well, 2 for bad input (one line says what and where), 130 when interrupted.

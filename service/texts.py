@@ -71,6 +71,12 @@ def result_lines(report: FitReport) -> Iterator[str]:
         yield "\nBeware"
         for text in warnings:
             yield wrapped(f"  - {text}", "    ")
+    if report.checks.suspicious:
+        yield "\nThe data"
+        for found in report.checks.suspicious:
+            yield wrapped(f"  - {found.sentence}", "    ")
+            if found.remedy:
+                yield wrapped(f"    {found.remedy}", "    ")
     if best.diagnostics.worst:
         yield "\nWorst fitted"
         for text in best.diagnostics.worst:

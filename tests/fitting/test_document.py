@@ -66,7 +66,9 @@ def test_document_is_complete_and_survives_json() -> None:
     ]
     assert measured["notes"] == ["two rows averaged"]
     assert measured["metadata"] == m.metadata
+    assert back["checks"] == report.checks.to_dict()
     first, second = back["results"]
+    assert [c["name"] for c in first["checks"]["checks"]] == ["energy", "model reciprocity"]
     assert first["params"] == best.params
     assert first["convention"] == get_model("ggx").lobe.convention
     assert len(first["estimates"]) == len(best.estimates)

@@ -210,6 +210,21 @@ def test_misfit_makes_the_intervals_wider() -> None:
     assert p.summary()["k_d"].sd > 1.3 * naive.summary()["k_d"].sd
 
 
+def test_a_gross_misfit_is_not_explained_by_a_brighter_model() -> None:
+    """Noise in proportion to the model rewards a model that is too bright."""
+    truth = {"k_d": 0.0, "F0": 0.9, "alpha": 0.1, "gamma": 1.55}
+    m = simulate("student_t:k_s=1", truth, "in-plane incidences=10,40,65 step=1", seed=3)
+    result = fit(m, "blinn_phong").best
+    point = next(e for e in result.estimates if e.name == "k_s")
+    assert point.standard_error is not None
+    p = sample(result, m, seed=1, steps=60)
+    assert "are misfit, not noise" in " ".join(p.notes)
+    assert "sigma_scale" in p.labels
+    assert abs(p.summary()["k_s"].q50 - point.value) < 2.0 * point.standard_error
+    naive = sample(result, m, seed=1, steps=60, noise="fit")
+    assert naive.summary()["k_s"].q50 - point.value > 2.5 * point.standard_error
+
+
 # Hard posteriors
 
 

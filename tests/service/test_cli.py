@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -158,6 +159,36 @@ def test_fit_leaves_out_grazing_angles_when_asked(folder: Path) -> None:
     assert "theta above 40° (asked for)\n" in answer.stdout
     refused = call("fit", sample, "--max-theta", "-1")
     assert refused.exit_code == 2
+
+
+def test_fit_warns_of_data_that_are_not_what_they_are_declared_to_be(tmp_path: Path) -> None:
+    m = simulate("lambert", {"k_d": 0.8}, "in-plane incidences=10,40,65 step=4", seed=7)
+    write_measurement(replace(m, values=np.pi * m.values), tmp_path / "factor.csv")
+    answer = call("fit", str(tmp_path / "factor.csv"), "--models", "lambert")
+    assert answer.exit_code == 0, answer.stderr
+    said = " ".join(answer.stdout[answer.stdout.index("\nThe data\n") :].split())
+    assert "radiance factor" in said
+    answer = call("fit", str(tmp_path / "factor.csv"), "--models", "lambert", "--json")
+    document = strict(answer.stdout)
+    assert "pi factor" in document["checks"]["suspicious"]
+    assert document["results"][0]["checks"]["suspicious"] == ["energy"]
+
+
+def test_a_tolerance_keeps_the_simpler_model(folder: Path) -> None:
+    # A lobe of 0.5 beside a diffuse term changes predictions by far more than 1 %,
+    # and by less than a hundred times.
+    found = {}
+    for tolerance in ("0.01", "100"):
+        answer = call(
+            *("fit", str(folder / "sample.csv"), "--models", "ggx:k_s=1,lambert"),
+            *("--tolerance", tolerance, "--json"),
+        )
+        assert answer.exit_code == 0, answer.stderr
+        document = strict(answer.stdout)
+        assert document["settings"]["tolerance"] == float(tolerance)
+        found[tolerance] = document["best"]
+    assert found == {"0.01": "ggx:k_s=1", "100": "lambert"}
+    assert call("fit", str(folder / "sample.csv"), "--tolerance", "-1").exit_code == 2
 
 
 @pytest.mark.parametrize(
