@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -99,7 +100,8 @@ def sample(
         log-likelihood is divided by that number, so that no interval is narrower
         than the misfit allows.
     saturation, floor : float, optional
-        Readings at or above, or at or below it, in 1/sr, are known to lie beyond it only.
+        Readings at or above, or at or below it, in 1/sr, are known to lie beyond it only. The
+        point fit is then made again without them.
     priors : mapping of str to Prior, optional
         In place of those of `lobefit.fitting.priors`, by parameter's name.
     progress : callable, optional
@@ -135,6 +137,8 @@ def sample(
     chosen = candidate(result.candidate, result.options)
     _check(result, measurement, ensembles, walkers, max_steps, seed, correlation)
     opened = get_device(device)
+    censoring = Censoring(saturation, floor)
+    result = _without_censored(result, measurement, censoring, opened)
     scales = _scales(result, measurement)
     kind, sigma, notes = _noise(result, measurement, noise, scales)
     power = _power(result, correlation, notes)
@@ -154,7 +158,6 @@ def sample(
             + ("" if noise == "fixed" else ', or hold the noise with noise="fixed"')
         )
     shape = (ensembles, _walkers(walkers, space.size))
-    censoring = Censoring(saturation, floor)
     density = Density(space, measurement, opened, sigma=sigma, power=power, censoring=censoring)
     try:
         start = _start(space, result, measurement, scales)
@@ -234,6 +237,24 @@ def _check(
         problem = f"correlation is 'auto' or 'ignore', not {correlation!r}"
     if problem:
         raise FitError(problem)
+
+
+def _without_censored(
+    result: FitResult, m: Measurement, censoring: Censoring, device: Device
+) -> FitResult:
+    """Fit again without readings beyond a level: they pull the start, and look like misfit."""
+    _, sides = censoring.apply(m.values)
+    if sides is None or not sides.any():
+        return result
+    from lobefit.fitting.fit import fit
+
+    return fit(
+        replace(m, values=np.where(sides == 0, m.values, np.nan)),
+        [result.candidate],
+        metric="chi2" if result.noise.given else "relative",
+        options=result.options,
+        device=device,
+    ).best
 
 
 def _walkers(wanted: int | None, size: int) -> int:

@@ -190,6 +190,8 @@ def test_saturated_readings_bias_nothing_when_they_are_told() -> None:
     told = sample(result, clipped, seed=1, steps=60, saturation=level)
     s = told.summary()["alpha"]
     assert abs(s.mean - 0.15) < 4.0 * s.sd
+    # Saturated readings are no misfit: the likelihood counts in full.
+    assert told.power == 1.0
     naive = sample(result, clipped, seed=1, steps=60, correlation="ignore").summary()["alpha"]
     assert abs(naive.mean - 0.15) > 4.0 * naive.sd
     values, sides = Censoring(level, 0.0).apply(np.array([[-1.0, 0.1, 2 * level]]))

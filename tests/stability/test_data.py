@@ -110,9 +110,7 @@ def test_saturation() -> None:
     # The point fit takes what was clipped for values: its width is a little wrong still.
     assert report.best.params["alpha"] == pytest.approx(0.1, rel=0.05)
     top = float(m.values.max())
-    posterior = sample(
-        report.best, m, saturation=top, correlation="ignore", ensembles=2, steps=60, seed=1
-    )
+    posterior = sample(report.best, m, saturation=top, ensembles=2, steps=60, seed=1)
     alpha = posterior.summary()["alpha"]
     assert alpha.mean == pytest.approx(0.1, abs=3.5 * alpha.sd)
     assert alpha.sd < 0.0005
