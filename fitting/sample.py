@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.likelihood import Censoring, Density
 from lobefit.fitting.measurement import DIRECTION_COLUMNS, Measurement
-from lobefit.fitting.noise import GROSS, estimate_noise, level, variance
+from lobefit.fitting.noise import estimate_noise, level, variance
 from lobefit.fitting.posterior import Posterior
 from lobefit.fitting.priors import Prior
 from lobefit.fitting.result import FitResult
@@ -91,8 +91,8 @@ def sample(
         channel, f the model's value; "given" takes the measurement's sigma, "scaled" times a
         factor in each channel that is sampled; "fixed" holds the noise that the point fit
         found. "auto": "given" where the fit weighed with sigma, "scaled" where residuals
-        are larger than it says, else "fit"; where residuals are more than any instrument's
-        noise, what the point fit found is scaled.
+        are larger than it says, else "fit"; where residuals are misfit rather than noise, what
+        the point fit found is scaled.
     student : bool
         Student's t instead of a Gaussian, for outliers; its nu is sampled.
     correlation : {"auto", "ignore"}
@@ -284,13 +284,13 @@ def _noise(
             raise FitError(f'noise="{wanted}" needs a measurement with sigma')
         return ("given" if wanted == "given" else "scaled"), m.sigma, notes
     additive, relative, values = scales
-    gross = float(relative.max()) > GROSS
-    if wanted == "auto" and gross:
-        # A likelihood with noise in proportion to the model explains a gross misfit by a
-        # brighter model; the point fit's levels do not follow the model.
+    if wanted == "auto" and result.diagnostics.misfit_limited:
+        # A likelihood with noise in proportion to the model explains a misfit by a
+        # brighter model; the point fit's levels do not follow the model. Where the misfit
+        # is small, no level is the measured value's.
         notes.append(
-            f"Residuals of {100 * relative.max():.0f} % of the value are misfit, not noise: sigma "
-            "is held at the point fit's, times a factor that is sampled."
+            "The residuals are misfit, not noise: sigma is held at the point fit's, times a "
+            "factor that is sampled."
         )
         h = level(values, m.values, gross=True)
         return "scaled", np.sqrt(variance(h, additive, relative)), notes
