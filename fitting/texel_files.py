@@ -1,0 +1,225 @@
+"""Fits of texels on disk: OpenEXR maps, one ``.npz``, or a folder that grows chunk by chunk.
+
+In the maps a pixel is a texel, rows from the top. Channels are ``LAYER.CHANNEL`` in 32-bit floating
+point; the channel is R, G, B of three channels, ``c1``, ``c2``... of two or four, and Y for what a
+texel has once:
+
+``NAME``
+    A parameter; NaN where the texel's model does not have it or its fit failed.
+``error.NAME``
+    Its first-order standard error; NaN also where the parameter is on its bound.
+``model``
+    Index of the chosen model in the attribute ``lobefit:models``; -1 where the fit failed.
+``rmse``, ``scatter``, ``status``, ``reason``
+    See `lobefit.fitting.texel_result.TexelFit`; the attributes ``lobefit:status`` and
+    ``lobefit:reason`` say what the numbers mean.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.texel_result import Reason, Status, TexelFit
+from lobefit.kernels import LobefitError, MeasurementError
+
+__all__ = ["SCHEMA", "load_texels", "save_chunks", "save_exr", "save_npz"]
+
+SCHEMA = "lobefit.texels/1"
+PLAIN = ("model", "rmse", "scatter", "bic", "status", "reason")
+ABOUT = "about"
+
+
+def _arrays(fit: TexelFit) -> dict[str, NDArray[Any]]:
+    """Name every array of a fit as it is stored."""
+    found = {name: getattr(fit, name) for name in PLAIN}
+    found |= {f"params.{name}": rows for name, rows in fit.params.items()}
+    found |= {f"errors.{name}": rows for name, rows in fit.errors.items()}
+    return found
+
+
+def _about(fit: TexelFit) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "models": list(fit.models),
+        "channels": fit.channels,
+        "parameters": list(fit.params),
+        "held": {name: dict(held) for name, held in fit.held.items()},
+        "settings": dict(fit.settings),
+        "status": {flag.name: flag.value for flag in Status},
+        "reason": {reason.name: reason.value for reason in Reason},
+    }
+
+
+def _assemble(about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> TexelFit:
+    if about.get("schema") != SCHEMA:
+        raise MeasurementError(f"these are no fits of texels: schema {about.get('schema')!r}")
+
+    def named(kind: str) -> dict[str, NDArray[np.float32]]:
+        return {name: arrays[f"{kind}.{name}"] for name in about["parameters"]}
+
+    return TexelFit(
+        models=tuple(about["models"]),
+        channels=about["channels"],
+        params=named("params"),
+        errors=named("errors"),
+        held=about["held"],
+        seconds={},
+        settings=about["settings"],
+        **{name: arrays[name] for name in PLAIN},
+    )
+
+
+def save_npz(fit: TexelFit, path: str | os.PathLike[str]) -> None:
+    """Write all arrays and a JSON text ``about`` into one compressed ``.npz``.
+
+    Parameters
+    ----------
+    fit : TexelFit
+    path : path-like
+        Times of the run are left out: the same fit gives the same bytes.
+
+    Raises
+    ------
+    LobefitError
+        The file cannot be written.
+    """
+    about = np.array(json.dumps(_about(fit), sort_keys=True))
+    try:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, rows in (_arrays(fit) | {ABOUT: about}).items():
+                # Made by hand: numpy.savez stamps the time on every member.
+                member = zipfile.ZipInfo(f"{name}.npy")
+                member.compress_type = zipfile.ZIP_DEFLATED
+                with archive.open(member, "w", force_zip64=True) as stream:
+                    np.lib.format.write_array(stream, np.asarray(rows), allow_pickle=False)
+    except OSError as error:
+        raise LobefitError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def save_chunks(
+    chunks: Iterable[tuple[int, TexelFit]], total: int, folder: str | os.PathLike[str]
+) -> Path:
+    """Write chunks as they finish: a ``.npy`` for each array, filled in place.
+
+    Parameters
+    ----------
+    chunks : iterable of (int, TexelFit)
+        First texel and results, as `lobefit.fitting.texels.fit_texel_chunks` gives them.
+    total : int
+        Texels in all.
+    folder : path-like
+        Made if it does not exist; ``about.json`` comes last and says that all is there.
+
+    Returns
+    -------
+    Path
+        The folder, for `load_texels`.
+
+    Raises
+    ------
+    LobefitError
+        The folder cannot be written to, or chunks are missing at the end.
+    """
+    place = Path(folder)
+    done, about = 0, None
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "about.json").unlink(missing_ok=True)
+        for first, part in chunks:
+            for name, rows in _arrays(part).items():
+                path = place / f"{name}.npy"
+                if about is None:
+                    shape = (total, *rows.shape[1:])
+                    stored = np.lib.format.open_memmap(path, "w+", rows.dtype, shape)
+                else:
+                    stored = np.load(path, mmap_mode="r+")
+                stored[first : first + len(rows)] = rows
+                stored.flush()
+                # Unmapped at once, so that memory does not grow with what is written.
+                del stored
+            about = _about(part)
+            done += len(part)
+        if about is None or done != total:
+            raise LobefitError(f"{done} of {total} texels came; {place} is not complete")
+        text = json.dumps(about, indent=2, sort_keys=True) + "\n"
+        (place / "about.json").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise LobefitError(f"cannot write to {place}: {error.strerror or error}") from error
+    return place
+
+
+def load_texels(path: str | os.PathLike[str]) -> TexelFit:
+    """Read what `save_npz` or `save_chunks` wrote; a folder's arrays are memory-mapped.
+
+    Raises
+    ------
+    MeasurementError
+        No such file, or not one of these.
+    """
+    place = Path(path)
+    try:
+        if place.is_dir():
+            about = json.loads((place / "about.json").read_text(encoding="utf-8"))
+            found = {p.stem: np.load(p, mmap_mode="r") for p in sorted(place.glob("*.npy"))}
+            return _assemble(about, found)
+        with np.load(place, allow_pickle=False) as stored:
+            arrays = dict(stored)
+        return _assemble(json.loads(str(arrays.pop(ABOUT))), arrays)
+    except (OSError, ValueError, KeyError) as error:
+        raise MeasurementError(f"holds no fits of texels: {error}", file=place.name) from error
+
+
+def _channel_names(channels: int) -> tuple[str, ...]:
+    if channels == 3:
+        return ("R", "G", "B")
+    return ("Y",) if channels == 1 else tuple(f"c{k + 1}" for k in range(channels))
+
+
+def save_exr(fit: TexelFit, path: str | os.PathLike[str], height: int, width: int) -> None:
+    """Write maps of all parameters, their errors, the model and the status.
+
+    Parameters
+    ----------
+    fit : TexelFit
+        Of ``height * width`` texels, row by row from the top.
+    path : path-like
+        An ``.exr`` file, replaced if it exists; its layers are in this module's docstring.
+    height, width : int
+        Of the picture.
+
+    Raises
+    ------
+    LobefitError
+        Another number of texels, or the file cannot be written.
+    """
+    if height * width != len(fit) or height < 1:
+        raise LobefitError(f"{len(fit)} texels are no picture of {height} x {width}")
+    names = _channel_names(fit.channels)
+    planes: dict[str, NDArray[Any]] = {}
+
+    def add(layer: str, rows: NDArray[Any]) -> None:
+        columns = rows[:, None] if rows.ndim == 1 else rows
+        for channel, column in zip(names if rows.ndim == 2 else ("Y",), columns.T, strict=True):
+            planes[f"{layer}.{channel}"] = column.reshape(height, width)
+
+    for name, rows in fit.params.items():
+        add(name, rows)
+        add(f"error.{name}", fit.errors[name])
+    for name in ("model", "rmse", "scatter", "status", "reason"):
+        add(name, getattr(fit, name))
+    about = _about(fit)
+    attributes = {
+        "lobefit:schema": SCHEMA,
+        **{f"lobefit:{key}": json.dumps(about[key]) for key in about if key != "schema"},
+        "comments": (__doc__ or "").partition("\n\n")[2].strip(),
+    }
+    write_exr(Path(path), planes, attributes)
