@@ -15,9 +15,10 @@ __all__ = ["perform"]
 
 Array = NDArray[np.float64]
 
-# Nodes of theta_h, spaced like squares, so finest near the mirror direction, and of theta_d.
-HALF = 64
-DIFFERENCE = 24
+# Nodes of theta_h, spaced like squares, so finest near the mirror direction, of theta_d and of
+# phi_d over a turn; fewer where the azimuth of the half vector is a fourth dimension.
+ISOTROPIC = (64, 24, 37)
+ANISOTROPIC = (48, 16, 25)
 # No table has holes: a direction below the horizon is raised to this angle.
 LOWEST = np.cos(np.deg2rad(89.5))
 # Wavelengths in nm that stand for red, green and blue.
@@ -28,9 +29,10 @@ def perform(task: Task) -> Outcome:
     """Tabulate a candidate in Rusinkiewicz's angles, 32-bit floats in 1/sr."""
     model = fitted(task.store, task.request["fit"], task.request.get("model"))
     isotropic = model.isotropic
-    theta_h = 90.0 * (np.arange(HALF) / (HALF - 1)) ** 2
-    theta_d = np.linspace(0.0, 89.0, DIFFERENCE)
-    phi_d = np.linspace(0.0, 180.0, 19) if isotropic else np.linspace(0.0, 360.0, 37)
+    half, difference, turn = ISOTROPIC if isotropic else ANISOTROPIC
+    theta_h = 90.0 * (np.arange(half) / (half - 1)) ** 2
+    theta_d = np.linspace(0.0, 89.0, difference)
+    phi_d = np.linspace(0.0, 180.0, turn // 2 + 1) if isotropic else np.linspace(0.0, 360.0, turn)
     phi_h = np.zeros(1) if isotropic else np.linspace(0.0, 360.0, 25)
     wi, wo = _directions(*np.meshgrid(phi_h, theta_h, theta_d, phi_d, indexing="ij"))
     values = model.predict(*_angles(wi), *_angles(wo))
@@ -46,7 +48,7 @@ def perform(task: Task) -> Outcome:
             "theta_d_deg": theta_d.tolist(),
             "phi_d_deg": phi_d.tolist(),
             "phi_h_deg": phi_h.tolist(),
-            "shape": [len(phi_h), HALF, DIFFERENCE, len(phi_d), len(shown)],
+            "shape": [len(phi_h), half, difference, len(phi_d), len(shown)],
             "values": base64.b64encode(values.astype("<f4").tobytes()).decode("ascii"),
         },
     )

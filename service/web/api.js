@@ -1,0 +1,108 @@
+/* The service's HTTP interface. Every failure is a Problem with the fields of RFC 9457. */
+
+const ROOT = new URL("v1/", document.baseURI);
+const KEY = "lobefit-token";
+
+/** What the service answered when it refused, or what kept an answer from coming. */
+export class Problem extends Error {
+  constructor(fields) {
+    super(fields.detail || fields.title);
+    this.fields = fields;
+    this.status = fields.status ?? 0;
+  }
+}
+
+// A token lives as long as the tab: no other visitor of the browser finds it.
+export const token = {
+  get: () => sessionStorage.getItem(KEY) ?? "",
+  set: (value) => (value ? sessionStorage.setItem(KEY, value) : sessionStorage.removeItem(KEY)),
+};
+
+let askForToken = null;
+/** Name the function that asks a person for a token and gives a promise of it. */
+export function onUnauthorized(ask) {
+  askForToken = ask;
+}
+
+const address = (path) => new URL(path, ROOT);
+
+/** Send a request; the answer is a Response with a status below 400. */
+export async function request(path, options = {}) {
+  const headers = new Headers(options.headers);
+  if (token.get()) headers.set("Authorization", `Bearer ${token.get()}`);
+  let response;
+  try {
+    response = await fetch(address(path), { ...options, headers });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Problem({
+      title: "The service does not answer",
+      detail: "Is it still running, and the network up?",
+    });
+  }
+  if (response.status === 401 && askForToken && !options.unattended) {
+    await askForToken(Boolean(token.get()));
+    return request(path, options);
+  }
+  if (!response.ok) throw await problemOf(response);
+  return response;
+}
+
+async function problemOf(response) {
+  const plain = { status: response.status, title: response.statusText || `Status ${response.status}` };
+  try {
+    const fields = await response.json();
+    return new Problem({ ...plain, ...fields });
+  } catch {
+    return new Problem(plain);
+  }
+}
+
+const json = async (path, options) => (await request(path, options)).json();
+const post = (path, body) =>
+  request(path, {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
+
+const KINDS = { gz: "application/gzip", binary: "application/octet-stream" };
+
+export function upload(file, name) {
+  const kind = KINDS[name.split(".").pop().toLowerCase()] ?? "text/csv";
+  return json(`measurements?name=${encodeURIComponent(name)}`, {
+    method: "POST",
+    headers: { "Content-Type": kind },
+    body: file,
+  });
+}
+
+const path = (kind, id) => `${kind}/${encodeURIComponent(id)}`;
+const page = (cursor) => (cursor ? `&cursor=${encodeURIComponent(cursor)}` : "");
+const of = (model) => `?model=${encodeURIComponent(model)}`;
+
+export const measurements = (cursor) => json(`measurements?limit=20${page(cursor)}`);
+export const measurement = (id) => json(path("measurements", id));
+export const table = (id) => json(`${path("measurements", id)}/table?max_points=20000`);
+export const data = async (id) => (await request(`${path("measurements", id)}/data`)).blob();
+export const fits = (cursor) => json(`fits?limit=20${page(cursor)}`);
+export const fit = (id) => json(path("fits", id));
+export const curves = (id, model) => json(`${path("fits", id)}/curves${of(model)}`);
+export const sphere = (id, model) => json(`${path("fits", id)}/sphere${of(model)}`);
+export const remove = (kind, id) => request(path(kind, id), { method: "DELETE" });
+export const models = async () => (await json("models")).items;
+export const evaluate = async (body) => (await post("evaluate", body)).json();
+export const simulate = async (body) => (await post("simulate", body)).blob();
+export const submit = async (body) => (await post("fits", body)).json();
+export const artefact = async (id, name) =>
+  (await request(`${path("fits", id)}/artefacts/${encodeURIComponent(name)}`)).blob();
+export const archive = async (id) => (await request(`${path("fits", id)}/artefacts.zip`)).blob();
+
+/** Whether the service can work, and on what; never asks for a token. */
+export async function ready() {
+  try {
+    return await (await fetch(new URL("readyz", document.baseURI))).json();
+  } catch {
+    return { ready: false };
+  }
+}
