@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 import shutil
+import subprocess
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,8 @@ from lobefit.service.cli import app
 CHECKOUT = Path(__file__).parents[1]
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+SHELL = re.findall(r"```sh\n(.*?)```", README, flags=re.DOTALL)
+SERVED = "http://127.0.0.1:8000"
 
 
 @pytest.fixture
@@ -26,9 +31,37 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("block", PYTHON, ids=range(len(PYTHON)))
-def test_python_blocks_run(block: str, checkout: Path) -> None:
+def test_python_blocks_run(
+    block: str, checkout: Path, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if SERVED in block:
+        block = block.replace(SERVED, request.getfixturevalue("service_url"))
     (checkout / "block.py").write_text(block, encoding="utf-8")
     runpy.run_path("block.py")
+    if "Client" in block:
+        assert "ggx:k_s=1" in capsys.readouterr().out
+        made = {p.name for p in (checkout / "glossy_plastic").iterdir()}
+        assert {"report.json", "fit.png", "lobes.exr", "samples.csv"} <= made
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+def test_the_curl_lines_run(checkout: Path, service_url: str) -> None:
+    (block,) = (b for b in SHELL if "curl" in b)
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", block.replace(SERVED, service_url)],
+        cwd=checkout,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "event: state" in done.stdout
+    report = json.loads((checkout / "report.json").read_text(encoding="utf-8"))
+    assert report["best"] == "ggx:k_s=1"
+    with zipfile.ZipFile(checkout / "fit.zip") as files:
+        assert files.testzip() is None
+        assert "fit.png" in files.namelist()
 
 
 def test_the_demo_prints_what_the_readme_shows(checkout: Path) -> None:
