@@ -2,11 +2,15 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-slow bench lint samples docs clean
+.PHONY: demo serve test test-slow bench lint samples docs clean
 
 # Run the main job on a sample: read, fit every candidate model, rank, draw.
 demo: .venv/user
 	$(BIN)/lobefit fit samples/rough_copper.csv --out demo-output
+
+# Serve the HTTP interface and the page on http://127.0.0.1:8000 until Ctrl-C.
+serve: .venv/user
+	$(BIN)/lobefit serve
 
 test: .venv/dev
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal

@@ -22,7 +22,7 @@ from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
 from lobefit.kernels import get_model
 
-__all__ = ["SCHEMA", "report_document", "to_json"]
+__all__ = ["SCHEMA", "measurement_summary", "report_document", "to_json"]
 
 SCHEMA = "lobefit.report/1"
 """Raised when a key changes its meaning or goes; new keys may appear under the same number."""
@@ -61,7 +61,7 @@ def report_document(report: FitReport) -> dict[str, Any]:
             "versions": _versions(),
             "device": report.best.stop.device if report.results else None,
             "seconds": report.seconds,
-            "measurement": _measurement(report.measurement, digest),
+            "measurement": measurement_summary(report.measurement, digest),
             "checks": report.checks.to_dict() if report.results else None,
             "results": [
                 _result(r, rank, min(known, default=0.0))
@@ -95,39 +95,57 @@ def _versions() -> dict[str, str | None]:
     return found
 
 
-def _measurement(m: Measurement, digest: str | None) -> dict[str, Any]:
-    return {
-        "file": m.source or None,
-        "sha256": digest,
-        "metadata": dict(m.metadata),
-        "channels": [
-            {
-                "name": name,
-                "values": int(np.count_nonzero(~np.isnan(values))),
-                "negative": int(np.count_nonzero(values < 0)),
-                "lowest": _extreme(np.nanmin, values),
-                "highest": _extreme(np.nanmax, values),
-            }
-            for name, values in zip(m.channels, m.values, strict=True)
-        ],
-        "unit": "1/sr",
-        "sigma_given": m.sigma is not None,
-        "rows": {
-            "read": m.rows_read,
-            "used": m.n_directions,
-            "dropped": m.n_dropped,
-            "merged": m.n_merged,
-        },
-        "dropped": [
-            {"rule": d.rule, "count": d.count, "first_lines": list(d.rows)} for d in m.dropped
-        ],
-        "notes": list(m.notes),
-        "incidences": len(m.distinct_incidences()),
-        "theta_i_deg": [math.degrees(m.theta_i.min()), math.degrees(m.theta_i.max())],
-        "theta_o_deg": [math.degrees(m.theta_o.min()), math.degrees(m.theta_o.max())],
-        "azimuthal_evidence": m.has_azimuthal_evidence,
-        "decades": m.decades,
-    }
+def measurement_summary(m: Measurement, digest: str | None = None) -> dict[str, Any]:
+    """Say what a measurement holds, as the report does.
+
+    Parameters
+    ----------
+    m : Measurement
+        What was read.
+    digest : str, optional
+        SHA-256 of the file.
+
+    Returns
+    -------
+    dict
+        JSON-ready values; angles whose key ends in ``_deg`` are degrees.
+    """
+    summary: Any = _plain(
+        {
+            "file": m.source or None,
+            "sha256": digest,
+            "metadata": dict(m.metadata),
+            "channels": [
+                {
+                    "name": name,
+                    "values": int(np.count_nonzero(~np.isnan(values))),
+                    "negative": int(np.count_nonzero(values < 0)),
+                    "lowest": _extreme(np.nanmin, values),
+                    "highest": _extreme(np.nanmax, values),
+                }
+                for name, values in zip(m.channels, m.values, strict=True)
+            ],
+            "unit": "1/sr",
+            "sigma_given": m.sigma is not None,
+            "rows": {
+                "read": m.rows_read,
+                "used": m.n_directions,
+                "dropped": m.n_dropped,
+                "merged": m.n_merged,
+            },
+            "dropped": [
+                {"rule": d.rule, "count": d.count, "first_lines": list(d.rows)} for d in m.dropped
+            ],
+            "notes": list(m.notes),
+            "incidences": len(m.distinct_incidences()),
+            "theta_i_deg": [math.degrees(m.theta_i.min()), math.degrees(m.theta_i.max())],
+            "theta_o_deg": [math.degrees(m.theta_o.min()), math.degrees(m.theta_o.max())],
+            "azimuthal_evidence": m.has_azimuthal_evidence,
+            "decades": m.decades,
+        }
+    )
+    found: dict[str, Any] = summary
+    return found
 
 
 def _extreme(of: Any, values: np.ndarray[Any, Any]) -> float | None:
@@ -170,6 +188,7 @@ def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
         "identifiability": None
         if r.identifiability is None
         else dataclasses.asdict(r.identifiability),
+        "instrument": None if r.instrument is None else r.instrument.to_dict(),
     }
 
 

@@ -26,6 +26,7 @@ from lobefit.fitting.information import Information, information_of_all
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.resolution import unresolved_peak
 from lobefit.fitting.result import Combination, FitResult, Identifiability, Limit
+from lobefit.fitting.robust import student_spread
 
 __all__ = ["identifiability", "with_identifiability"]
 
@@ -147,6 +148,10 @@ def variance_scale(fit: PointFit, result: FitResult) -> float:
     """Give the variance of the residuals in units of the objective, correlation included."""
     dataset, d = fit.problem.dataset, result.diagnostics
     correlation = d.samples / max(d.effective_samples, 1.0)
+    if fit.nu is not None:
+        r = dataset.residuals(fit.values) / fit.sigma
+        spread = student_spread(r[dataset.used], fit.nu, fit.dof)
+        return spread * (1.0 if dataset.uses_sigma else correlation)
     if dataset.uses_sigma:
         # A misfit lets nothing be known better than it allows.
         return max(1.0, d.reduced_chi_square * correlation) if d.misfit_limited else 1.0

@@ -19,6 +19,7 @@ from lobefit.fitting.dataset import METRICS, Dataset
 from lobefit.fitting.noise import GROSS, level, variance
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.polish import polish
+from lobefit.fitting.robust import student_terms
 
 __all__ = ["block_scores"]
 
@@ -36,7 +37,7 @@ def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
     fit : PointFit
         The fit to everything.
     dataset : Dataset
-        What it was fitted to; its weights are changed.
+        What all candidates were fitted to; the weights of the fit's own are changed.
     blocks : Blocks
         What is left out.
 
@@ -47,7 +48,8 @@ def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
         likelihood minus the sum of their squared residuals.
     """
     likely = METRICS[dataset.metric] == "identity"
-    known = np.where(dataset.used, 1.0 / fit.sigma**2, 0.0) if likely else 1.0 * dataset.used
+    dataset = fit.problem.dataset  # its own where the sample's tilt is fitted too
+    known = np.where(dataset.used, fit.weights, 0.0) if likely else 1.0 * dataset.used
     start = fit.polished
     scores = np.zeros(blocks.count)
     for k in range(blocks.count):
@@ -57,7 +59,10 @@ def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
         predicted = fit.problem.values(found.t, found.c)
         counted = dataset.used[:, out]
         r = dataset.residuals(predicted)[:, out]
-        if likely:
+        if fit.nu is not None:
+            v = _variance(fit, dataset, predicted)[:, out]
+            each = -0.5 * student_terms(r, v, fit.nu)
+        elif likely:
             v = _variance(fit, dataset, predicted)[:, out]
             each = -0.5 * (r * r / v + np.log(2.0 * np.pi * v))
         else:

@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lobefit.fitting.bands import is_isotropic, is_scattered, pool
+from lobefit.fitting.instrument_result import readings
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
 from lobefit.kernels.errors import LobefitError
@@ -216,7 +217,11 @@ def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None
     write_exr(path, planes, _attributes(grid, result, measurement))
 
 
-def write_exr(path: Path, planes: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> None:
+def write_exr(
+    path: Path,
+    planes: Mapping[str, ArrayLike],
+    attributes: Mapping[str, str | tuple[float, ...]],
+) -> None:
     """Write planes as 32-bit floats and make sure that the file holds them.
 
     Parameters
@@ -225,7 +230,7 @@ def write_exr(path: Path, planes: Mapping[str, ArrayLike], attributes: Mapping[s
         An ``.exr`` file; replaced if it exists.
     planes : mapping of str to array_like, shape (height, width)
         By the channel's name.
-    attributes : mapping of str to str
+    attributes : mapping of str to str or tuple of float
         For the header.
 
     Raises
@@ -259,7 +264,7 @@ def _layers(grid: Grid, result: FitResult, m: Measurement) -> dict[str, Array]:
     """Fill the cells; each layer has shape (C, height, width)."""
     values = m.values[:, grid.rows]
     angles = (m.theta_i, m.phi_i, m.theta_o, m.phi_o)
-    residual = values - result.predict(*(a[grid.rows] for a in angles))
+    residual = values - readings(result, *(a[grid.rows] for a in angles))
     shape = (m.n_channels, *grid.shape)
     return {
         "measured": _cell_means(grid, values).reshape(shape),

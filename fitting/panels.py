@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.bands import Bands, Groups, is_scattered, pool
+from lobefit.fitting.instrument_result import readings
 from lobefit.fitting.lobes import PLANE, out_of_plane, planes_of, signed
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
@@ -122,8 +123,8 @@ class Residuals:
             self.label, self.least = "residual [%]", 1.0
 
     def fitted(self, directions: Directions) -> Array:
-        """Evaluate the model, shape (C, N)."""
-        return self._result.predict(*directions)
+        """Evaluate the model as the instrument sees it, shape (C, N)."""
+        return readings(self._result, *directions)
 
     def at(self, rows: Index) -> Array:
         """Give the residuals of some rows, shape (C, M); NaN where the measure has none."""

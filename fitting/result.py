@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lobefit.kernels import evaluate
+
+if TYPE_CHECKING:
+    from lobefit.fitting.instrument_result import InstrumentFit
 
 __all__ = [
     "Advice",
@@ -97,12 +100,14 @@ class NoiseScales:
     """The noise that residuals were weighed with, per channel.
 
     ``sigma^2 = additive^2 + (relative f)^2`` with f the model's value;
-    `given` is True where the measurement's own sigma was used instead.
+    `given` is True where the measurement's own sigma was used instead. `nu`: degrees of
+    freedom of Student's t, whose scale sigma then is; None for a Gaussian.
     """
 
     given: bool
     relative: tuple[float, ...]
     additive: tuple[float, ...]
+    nu: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -355,6 +360,8 @@ class FitResult:
     plausibility : Plausibility
     identifiability : Identifiability or None
         What the data do not determine; of the recommended result only.
+    instrument : InstrumentFit or None
+        Tilt and veil, where the fit accounted for the instrument.
     """
 
     model: str
@@ -374,6 +381,7 @@ class FitResult:
     diagnostics: Diagnostics
     plausibility: Plausibility
     identifiability: Identifiability | None = None
+    instrument: InstrumentFit | None = None
 
     def predict(
         self, theta_i: ArrayLike, phi_i: ArrayLike, theta_o: ArrayLike, phi_o: ArrayLike

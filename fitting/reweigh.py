@@ -34,12 +34,15 @@ class Weighed:
     gross : bool
         The misfit is larger than any noise; levels take the measured value into
         account, see `lobefit.fitting.noise`.
+    nu : float or None
+        Degrees of freedom of Student's t; None for a Gaussian.
     """
 
     polished: Polished
     additive: Array
     relative: Array
     gross: bool
+    nu: float | None = None
 
 
 def fit_with_noise(problem: Problem, polished: Polished, n_parameters: int, dof: int) -> Weighed:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.likelihood import Censoring, Density
 from lobefit.fitting.measurement import DIRECTION_COLUMNS, Measurement
-from lobefit.fitting.noise import estimate_noise, level, variance
+from lobefit.fitting.noise import variance
 from lobefit.fitting.posterior import Posterior
 from lobefit.fitting.priors import Prior
 from lobefit.fitting.result import FitResult
-from lobefit.fitting.space import NoiseModel, Space
+from lobefit.fitting.sampled_noise import Scales, decide_noise, likelihood_power, noise_scales
+from lobefit.fitting.space import Space
 from lobefit.kernels import Device, FitError, Model, candidate, get_device
 from lobefit.kernels.evaluate import basis_values
 from lobefit.kernels.geometry import Directions
@@ -30,12 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["MAX_STEPS", "sample"]
 
 Array = NDArray[np.float64]
-# Additive and relative noise at the point fit, and the model's values.
-Scales = tuple[Array, Array, Array]
 
 MAX_STEPS = 10_000
-# Residuals correlated over more values than this are misfit, which more values do not average out.
-CORRELATED = 2.0
 # Estimates on their bounds start so far within, in the logistic coordinates of their priors.
 INSIDE = 5.0
 # Rows that say enough about which coefficients the data know.
@@ -55,7 +52,7 @@ def sample(
     max_seconds: float | None = None,
     steps: int | None = None,
     noise: Literal["auto", "fit", "scaled", "given", "fixed"] = "auto",
-    student: bool = False,
+    student: bool | None = None,
     correlation: Literal["auto", "ignore"] = "auto",
     saturation: float | None = None,
     floor: float | None = None,
@@ -93,8 +90,8 @@ def sample(
         found. "auto": "given" where the fit weighed with sigma, "scaled" where residuals
         are larger than it says, else "fit"; where residuals are misfit rather than noise, what
         the point fit found is scaled.
-    student : bool
-        Student's t instead of a Gaussian, for outliers; its nu is sampled.
+    student : bool, optional
+        Student's t instead of a Gaussian, for outliers; its nu is sampled. Left out, as the fit.
     correlation : {"auto", "ignore"}
         "auto": where residuals are correlated over more than 2 values, which is misfit, the
         log-likelihood is divided by that number, so that no interval is narrower
@@ -139,14 +136,14 @@ def sample(
     opened = get_device(device)
     censoring = Censoring(saturation, floor)
     result = _without_censored(result, measurement, censoring, opened)
-    scales = _scales(result, measurement)
-    kind, sigma, notes = _noise(result, measurement, noise, scales)
-    power = _power(result, correlation, notes)
+    scales = noise_scales(result, measurement)
+    kind, sigma, notes = decide_noise(result, measurement, noise, scales)
+    power = likelihood_power(result, correlation, notes)
     space = Space(
         chosen,
         measurement.channels,
         noise=kind,
-        student=student,
+        student=result.noise.nu is not None if student is None else student,
         priors=priors,
         centres={p.name: _number(result, p.name) for p in chosen.searched if p.period},
         levels=np.nanmedian(np.abs(scales[2]), axis=1),
@@ -225,6 +222,8 @@ def _check(
         problem = "sample takes a FitResult and the Measurement that was fitted"
     elif result.channels != m.channels:
         problem = f"the fit has the channels {result.channels}, the measurement {m.channels}"
+    elif result.instrument is not None:
+        problem = "sampling accounts for no tilt, veil, gain or aperture; fit without an instrument"
     elif ensembles < 2:
         problem = "one ensemble cannot show that it is stuck; take 2 or more"
     elif walkers is not None and walkers < 4:
@@ -265,53 +264,6 @@ def _walkers(wanted: int | None, size: int) -> int:
     return walkers
 
 
-def _noise(
-    result: FitResult, m: Measurement, wanted: str, scales: Scales
-) -> tuple[NoiseModel, Array | None, list[str]]:
-    """Decide what is sampled of the noise; returns known sigmas and what to tell."""
-    notes: list[str] = []
-    given = result.noise.given and m.sigma is not None
-    if wanted == "auto" and given:
-        wanted, reduced = "given", result.diagnostics.reduced_chi_square
-        if result.diagnostics.misfit_limited and reduced > 1.0:
-            wanted = "scaled"
-            notes.append(
-                f"Residuals are {np.sqrt(reduced):.2g} times the stated sigma, which is therefore "
-                "scaled by a factor that is sampled."
-            )
-    if wanted in ("given", "scaled"):
-        if m.sigma is None:
-            raise FitError(f'noise="{wanted}" needs a measurement with sigma')
-        return ("given" if wanted == "given" else "scaled"), m.sigma, notes
-    additive, relative, values = scales
-    if wanted == "auto" and result.diagnostics.misfit_limited:
-        # A likelihood with noise in proportion to the model explains a misfit by a
-        # brighter model; the point fit's levels do not follow the model. Where the misfit
-        # is small, no level is the measured value's.
-        notes.append(
-            "The residuals are misfit, not noise: sigma is held at the point fit's, times a "
-            "factor that is sampled."
-        )
-        h = level(values, m.values, gross=True)
-        return "scaled", np.sqrt(variance(h, additive, relative)), notes
-    if wanted == "fixed":
-        notes.append("The noise is held at what the point fit found.")
-        return "given", np.sqrt(variance(values, additive, relative)), notes
-    if wanted not in ("auto", "fit"):
-        raise FitError(f"noise is auto, fit, scaled, given or fixed; not {wanted!r}")
-    return "fit", None, notes
-
-
-def _scales(result: FitResult, m: Measurement) -> Scales:
-    """Give the noise's scales at the point fit, and the model's values."""
-    values = result.predict(m.theta_i, m.phi_i, m.theta_o, m.phi_o)
-    additive, relative = np.array(result.noise.additive), np.array(result.noise.relative)
-    if not (additive > 0.0).all():  # sigma was given, or the metric has no noise
-        used = np.isfinite(m.values)
-        additive, relative = estimate_noise(m.values - values, values, used, result.n_parameters)
-    return additive, relative, values
-
-
 def _information(
     device: Device, model: Model, result: FitResult, m: Measurement, scales: Scales
 ) -> Array:
@@ -338,17 +290,6 @@ def _information(
     )
 
 
-def _power(result: FitResult, correlation: str, notes: list[str]) -> float:
-    d = result.diagnostics
-    factor = d.samples / d.effective_samples
-    if correlation == "ignore" or not d.misfit_limited or factor <= CORRELATED:
-        return 1.0
-    notes.append(
-        f"Residuals are correlated over {factor:.1f} values: the log-likelihood is divided by that."
-    )
-    return 1.0 / factor
-
-
 def _number(result: FitResult, name: str) -> float:
     return float(np.ravel(result.params[name])[0])
 
@@ -369,7 +310,9 @@ def _start(space: Space, result: FitResult, m: Measurement, found: Scales) -> Ar
         scales["sigma_scale"] *= np.sqrt(result.diagnostics.reduced_chi_square)
     for k, c in enumerate(space.coordinates):
         if c.parameter is None:
-            theta[k] = 10.0 if c.name == "nu" else scales[c.name][c.channel or 0]
+            theta[k] = (
+                (result.noise.nu or 10.0) if c.name == "nu" else scales[c.name][c.channel or 0]
+            )
             continue
         value = np.ravel(result.params[c.name])
         theta[k] = value[c.channel or 0] if len(value) > 1 else value[0]

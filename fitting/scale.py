@@ -28,6 +28,8 @@ class SearchScale:
     most : int
         Nodes of the start scan; where the records ask for more, the dimensions with
         most get fewer.
+    density : float
+        Nodes along each dimension, as a multiple of what the records ask for.
 
     Attributes
     ----------
@@ -37,14 +39,16 @@ class SearchScale:
         Distance of the scan's nodes in t.
     """
 
-    def __init__(self, parameters: Sequence[Parameter], most: int = MAX_NODES) -> None:
+    def __init__(
+        self, parameters: Sequence[Parameter], most: int = MAX_NODES, density: float = 1.0
+    ) -> None:
         self.parameters = tuple(parameters)
         self._log = np.array([p.scale == "log" for p in parameters], dtype=bool)
         self._root = np.array([p.scale == "root" for p in parameters], dtype=bool)
         bounds = np.array([p.bounds for p in parameters]).reshape(-1, 2)
         self.floor, self.ceiling = bounds[:, 0], bounds[:, 1]
         edges = self.to_search(bounds.T)
-        self.counts = [p.nodes for p in parameters]
+        self.counts = [max(round(density * p.nodes), min(p.nodes, 2)) for p in parameters]
         while np.prod(self.counts) > most and max(self.counts) > FEWEST_NODES:
             self.counts[int(np.argmax(self.counts))] -= 1
         self.spacing = (edges[1] - edges[0]) / np.array(

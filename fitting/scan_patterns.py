@@ -79,12 +79,16 @@ class Pattern:
             step = getattr(self, entry.name)
             if entry.name.endswith("step_deg") and not 0 < step <= 90:
                 raise self._error(entry.name, step, "a step above 0, at most 90 degrees")
-        incidences = len(self.incidences_deg) * len(self.azimuths_deg)
-        if incidences * self._views_at_most() > MAX_DIRECTIONS:
+        if self.at_most > MAX_DIRECTIONS:
             raise self._error("a step", "too small", f"at most {MAX_DIRECTIONS:,} directions")
 
     def _error(self, name: str, found: object, expected: str) -> MeasurementError:
         return MeasurementError(f"{self.name}: {name} is {found}", expected=expected)
+
+    @property
+    def at_most(self) -> float:
+        """Bound the number of directions without making them."""
+        return len(self.incidences_deg) * len(self.azimuths_deg) * self._views_at_most()
 
     def _views(self) -> tuple[Array, Array]:
         """Give theta_o and phi_o - phi_i of one incidence, in degrees."""

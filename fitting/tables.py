@@ -119,6 +119,8 @@ def cautions(result: FitResult) -> list[str]:
         said += [f for f in flags(result) if f.endswith(("bound", "undetermined"))]
     if known:
         said += known.sentences
+    if result.instrument is not None:
+        said += result.instrument.sentences
     if not result.stop.converged:
         said.append(f"the search did not converge: {result.stop.reason}")
     return said
@@ -131,7 +133,8 @@ def parameters(result: FitResult) -> str:
     -------
     str
         Shared parameters a line each with their meaning, then a table with a row per
-        channel and a column per parameter that channels have for themselves.
+        channel and a column per parameter that channels have for themselves, then what
+        was found of the instrument.
     """
     shared = [e for e in result.estimates if e.channel is None or len(result.channels) == 1]
     lines = aligned(
@@ -139,13 +142,20 @@ def parameters(result: FitResult) -> str:
         left=(0, 1, 2, 3),
     )
     own = [e for e in result.estimates if e.channel is not None]
-    if len(result.channels) == 1 or not own:
-        return "\n".join(lines)
-    names = list(dict.fromkeys(e.name for e in own))
-    cells = {(e.channel, e.name): _value(e, result) for e in own}
-    rows = [("channel", *names)]
-    rows += [(c, *(cells.get((c, n), MISSING) for n in names)) for c in result.channels]
-    return "\n".join([*lines, *aligned(rows, left=range(len(names) + 1))])
+    if len(result.channels) > 1 and own:
+        names = list(dict.fromkeys(e.name for e in own))
+        cells = {(e.channel, e.name): _value(e, result) for e in own}
+        rows = [("channel", *names)]
+        rows += [(c, *(cells.get((c, n), MISSING) for n in names)) for c in result.channels]
+        lines += aligned(rows, left=range(len(names) + 1))
+    if result.instrument is not None and result.instrument.estimates:
+        found = result.instrument.estimates
+        lines += ["instrument"]
+        lines += aligned(
+            [(_label(e, result), _value(e, result), e.unit, e.meaning) for e in found],
+            left=(0, 1, 2, 3),
+        )
+    return "\n".join(lines)
 
 
 def with_error(value: float, error: float | None) -> str:

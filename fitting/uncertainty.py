@@ -15,7 +15,7 @@ from lobefit.fitting.scale import canonical
 from lobefit.kernels import Parameter
 from lobefit.kernels.parameters import linear_from_coefficients
 
-__all__ = ["Estimates", "estimates"]
+__all__ = ["Estimates", "estimates", "joint_covariance"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,14 +28,18 @@ KNOWS_NOTHING = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Parameters of a fit by name, with their errors and covariance."""
+    """Parameters of a fit by name, with their errors and covariance.
+
+    `tilt_covariance` is that of the sample's tilt in radians squared; empty where not fitted.
+    """
 
     params: dict[str, float | list[float]]
     rows: tuple[ParameterEstimate, ...]
     covariance: Array
+    tilt_covariance: Array
 
 
-def _joint_covariance(curvature: Curvature, n: int, free: Mask) -> Array:
+def joint_covariance(curvature: Curvature, n: int, free: Mask) -> Array:
     """Invert the arrowhead over (t, all channels' d); rows of held coefficients are 0."""
     H = curvature.matrix
     channels, size = free.shape
@@ -73,6 +77,14 @@ def _sandwich(bread: Array, meat: Array | None, n: int) -> Array:
         full[:n, rows] = meat[channel, :n, n:]
     covariance: Array = bread @ full @ bread
     return covariance
+
+
+def _widened(fit: PointFit, bread: Array, variance_scale: float) -> Array:
+    """Add what the metric and the instrument do to a covariance."""
+    n = len(fit.polished.t)
+    if fit.nuisance is None:
+        return _sandwich(bread, fit.meat, n)
+    return fit.nuisance.widened(bread, variance_scale)
 
 
 def _linear_jacobian(problem: Problem, c: Array, name: str) -> Array:
@@ -121,7 +133,8 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     d = problem.coordinates.coordinates(point.c)
     size = d.shape[1]
     inside = (d > problem.coordinates.low) & (d < problem.coordinates.high)
-    crossing = _sandwich(_joint_covariance(point.curvature, n, np.ones_like(inside)), fit.meat, n)
+    everything = joint_covariance(point.curvature, n, np.ones_like(inside))
+    crossing = _widened(fit, everything, variance_scale)
     # A ratio (F0) on its bound that the data do not determine must not lend its bound's
     # firmness to its scale (k_s): there the bound is crossed for both.
     ratios = [names for names in model.coefficients if len(names) == 2]
@@ -132,7 +145,8 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
             _linear_jacobian(problem, point.c, scale_name) != 0.0
         )
         inside |= concerned & ~(variances < (KNOWS_NOTHING * span) ** 2)[:, None]
-    held = _sandwich(_joint_covariance(point.curvature, n, inside), fit.meat, n)
+    alone = joint_covariance(point.curvature, n, inside)
+    held = _widened(fit, alone, variance_scale)
     vague = _vague_scales(problem, point.c, held, n, variance_scale)
 
     x = problem.scale.to_parameters(point.t)
@@ -186,7 +200,10 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
             jacobians.append(J)
     free = [k for k, row in enumerate(rows) if row.status not in ("fixed", "tied")]
     J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
-    return Estimates(params, tuple(rows), variance_scale * (J @ crossing @ J.T))
+    tilt = np.zeros((0, 0))
+    if fit.nuisance is not None:
+        tilt = fit.nuisance.tilt_covariance(alone, variance_scale)
+    return Estimates(params, tuple(rows), variance_scale * (J @ crossing @ J.T), tilt)
 
 
 def _vague_scales(

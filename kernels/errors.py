@@ -6,14 +6,22 @@
     |-- MeasurementError   a file or table that cannot be used (file, row, column, text, expected)
     |-- ModelError         an unknown model, parameter or option; a broken model file
     |-- DeviceError        no OpenCL device, no linker, no double precision, a failed build
-    +-- FitError           a fit that cannot be done with these data and this model
+    |-- FitError           a fit that cannot be done with these data and this model
+    +-- SceneError         a scene, mesh or picture that cannot be used
 
 Every message says what was found, what was expected and what to do.
 """
 
 from __future__ import annotations
 
-__all__ = ["DeviceError", "FitError", "LobefitError", "MeasurementError", "ModelError"]
+__all__ = [
+    "DeviceError",
+    "FitError",
+    "LobefitError",
+    "MeasurementError",
+    "ModelError",
+    "SceneError",
+]
 
 
 class LobefitError(Exception):
@@ -78,3 +86,7 @@ class DeviceError(LobefitError):
 
 class FitError(LobefitError):
     """A fit that cannot be done with these data and this model."""
+
+
+class SceneError(LobefitError):
+    """A scene that cannot be rendered: a light, view, mesh or picture that is none."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from lobefit.kernels.device import Device, get_device, opencl_errors
 from lobefit.kernels.geometry import Directions, Precision
 from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
-from lobefit.kernels.program import ModelProgram, build_options, model_program
+from lobefit.kernels.program import ModelProgram, model_program
 from lobefit.kernels.registry import Model, get_model
 
 __all__ = ["Params", "basis_values", "evaluate"]
@@ -41,9 +41,7 @@ def basis_values(
 
     device, d = directions.device, directions
     sets = len(x)
-    kernel = device.kernel(
-        program.values_source, "basis_values", build_options(d.width, d.precision)
-    )
+    kernel = device.kernel(program.values_source, "basis_values", d.options)
     out = np.empty((sets, program.n_basis, d.padded), dtype=d.dtype)
     with opencl_errors(f"evaluating {program.model.name}"):
         flags = cl.mem_flags

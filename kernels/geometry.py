@@ -69,6 +69,8 @@ class Directions:
         N rounded up to whole chunks; the padding looks along the normal.
     visible : ndarray of bool, shape (N,)
         Above the horizon on both sides.
+    options : tuple of str
+        What kernels that read the planes are compiled with.
 
     Raises
     ------
@@ -109,6 +111,7 @@ class Directions:
         self.precision: Precision = precision
         self.dtype: np.dtype[Any] = np.dtype(np.float64 if precision == "double" else np.float32)
         self.width = device.width(precision)
+        self.options: tuple[str, ...] = build_options(self.width, precision)
         self.count = flat[0].size
         self.visible = above_horizon(flat[0], flat[2])
         self._share_out()

@@ -190,6 +190,8 @@ class Lobe:
         abruptly, if it does.
     uses : tuple of str
         Shared pieces of ``cl/`` that the formula needs, in order.
+    formula : str
+        The formula's text, of a term that is no model and has no file.
     references : tuple of Reference
         At least three values from elsewhere.
     """
@@ -214,6 +216,7 @@ class Lobe:
     peaks: tuple[str, ...] = ("mirror",)
     edge: str | None = None
     uses: tuple[str, ...] = ()
+    formula: str = ""
 
     def chosen(self, options: Mapping[str, str]) -> Lobe:
         """Give the lobe with one choice for each of its options.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lobefit.kernels.device import opencl_errors
 from lobefit.kernels.errors import ModelError
 from lobefit.kernels.geometry import Directions
-from lobefit.kernels.program import BLOCK, ModelProgram, build_options, shared_text
+from lobefit.kernels.program import BLOCK, ModelProgram, shared_text
 
 __all__ = ["Likelihood"]
 
@@ -106,6 +106,7 @@ class Likelihood:
                 "BLOCK": BLOCK,
                 "STRIDED": int(not self.directions.device.is_cpu),
                 "CHANNEL_X": channel_x,
+                "N_CHANNELS": self.channels,
                 "GIVEN": int(self.given),
                 "STUDENT": int(self.student),
                 "CENSORED": int(self.censored),
@@ -174,9 +175,7 @@ class Likelihood:
 
         d = self.directions
         device, sets = d.device, len(x)
-        kernel = device.kernel(
-            self._sources[int(x.ndim == 3)], "log_likelihood", build_options(d.width, d.precision)
-        )
+        kernel = device.kernel(self._sources[int(x.ndim == 3)], "log_likelihood", d.options)
         packed = np.concatenate([x.ravel(), coefficients.ravel(), noise.ravel()]).astype(d.dtype)
         out = np.empty((d.n_chunks, sets, self.channels))
         with opencl_errors(f"summing the likelihood of {self.program.model.name}"):
@@ -184,12 +183,11 @@ class Likelihood:
             cl.enqueue_copy(device.queue, self._small, packed, is_blocking=False)
             kernel(
                 device.queue,
-                (d.n_chunks, sets),
+                (sets, d.n_chunks) if device.is_cpu else (d.n_chunks, sets),
                 (1, 1) if device.is_cpu else None,
                 d.planes,
                 np.int32(d.n_vectors),
                 *self._buffers,
-                np.int32(self.channels),
                 self._small,
                 np.int32(d.n_chunks),
                 np.int32(d.blocks_per_chunk),

@@ -47,7 +47,8 @@ def build_options(width: int, precision: str) -> tuple[str, ...]:
 def _lobe_text(lobe: Lobe) -> str:
     own = [p for p in lobe.parameters if not p.linear]
     fields = " ".join(f"scalar {p.name};" for p in own) or "int unused;"
-    formula = (files("lobefit.kernels") / "models" / f"{lobe.name}.cl").read_text(encoding="utf-8")
+    place = files("lobefit.kernels") / "models" / f"{lobe.name}.cl"
+    formula = lobe.formula or place.read_text(encoding="utf-8")
     return "\n".join(
         [
             f"typedef struct {{ {fields} }} {lobe.name}_parameters;",
@@ -102,7 +103,7 @@ class ModelProgram:
         uses = list(dict.fromkeys(u for lobe in lobes for u in lobe.uses))
         parts = [shared_text("types.h"), shared_text("geometry.h"), *map(shared_text, uses)]
         parts += [_lobe_text(lobe) for lobe in lobes]
-        return "\n".join([*parts, self._glue()])
+        return "\n".join([*parts, self._glue(), shared_text("views.h")])
 
     def _glue(self) -> str:
         fields, values, calls = [], [], []

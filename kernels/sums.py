@@ -7,6 +7,7 @@ returns a handful of sums for each set and channel.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from lobefit.kernels.device import opencl_errors
 from lobefit.kernels.errors import ModelError
 from lobefit.kernels.geometry import Directions
-from lobefit.kernels.program import ModelProgram, build_options
+from lobefit.kernels.program import ModelProgram
 
 __all__ = ["Metric", "Observations", "Sums", "chi_square", "normal_equations", "transform"]
 
@@ -170,7 +171,7 @@ def _launch(
             channel_x=x.ndim == 3,
         ),
         "weighted_sums",
-        build_options(d.width, d.precision),
+        d.options,
     )
     out = np.empty((sets, d.n_chunks, channels, n_sums))
     # One small upload: x, centres, steps, coefficients behind one another.
@@ -259,8 +260,15 @@ def normal_equations(
         coefficients = np.zeros((len(x), observations.channels, program.n_basis))
     raw = _launch(program, observations, x, coefficients, steps, centres, gram=True)
     columns = program.n_basis + (len(program.derivatives) if steps is not None else 0)
-    upper = np.triu_indices(columns)
+    upper = _upper(columns)
     gram = np.zeros((*raw.shape[:2], columns, columns))
     gram[:, :, upper[0], upper[1]] = raw[:, :, 1 + columns :]
     gram[:, :, upper[1], upper[0]] = raw[:, :, 1 + columns :]
     return Sums(raw[:, :, 0], raw[:, :, 1 : 1 + columns], gram)
+
+
+@cache
+def _upper(columns: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Give rows and columns of the upper triangle; a fit asks a thousand times."""
+    rows, across = np.triu_indices(columns)
+    return rows, across

@@ -84,7 +84,12 @@ def sample(
     if len(choices) < len(option or ()):
         raise typer.BadParameter("options are NAME=VALUE", param_hint="--option")
     report = fit(
-        measurement, models=model or "standard", metric=metric, options=choices, device=device
+        measurement,
+        models=model or "standard",
+        metric=metric,
+        options=choices,
+        student=student,
+        device=device,
     )
     posterior = sampled(
         report.best,

@@ -7,6 +7,7 @@ writers, so they are made in threads, few of them, since SQLite takes one writer
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import Callable
 from typing import Annotated, Any, ParamSpec, TypeVar
@@ -132,12 +133,10 @@ class Shared:
 
     async def catalogue(self) -> list[dict[str, Any]]:
         """Give the models, as a worker lists them; asked for once."""
-        from lobefit.service.strict_json import read_json
-
         async with self._asking:
             if self._catalogue is None:
                 body, _ = await self.answer("catalogue", {})
-                self._catalogue = read_json(body)["items"]
+                self._catalogue = json.loads(body)["items"]
         return self._catalogue
 
 

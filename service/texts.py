@@ -87,9 +87,10 @@ def result_lines(report: FitReport) -> Iterator[str]:
 def noise_line(result: FitResult) -> str:
     """Say which noise the residuals were weighed with."""
     noise = result.noise
+    tails = "" if noise.nu is None else f"; Student's t with {noise.nu:g} degrees of freedom"
     if noise.given:
         reduced = result.diagnostics.reduced_chi_square
-        return f"noise: the given sigma; reduced chi-square {reduced:.3g}"
+        return f"noise: the given sigma; reduced chi-square {reduced:.3g}{tails}"
     if result.bic is None:
         return "noise: not estimated with this metric"
     scales = [
@@ -97,10 +98,10 @@ def noise_line(result: FitResult) -> str:
         for r, a in zip(noise.relative, noise.additive, strict=True)
     ]
     if len(scales) == 1:
-        return f"noise found: {scales[0]}"
+        return f"noise found: {scales[0]}{tails}"
     shown = [f"{c} {s}" for c, s in zip(result.channels, scales, strict=True)]
     rest = f"; {len(shown) - 3} more in the report" if len(shown) > 3 else ""
-    return f"noise found: {'; '.join(shown[:3])}{rest}"
+    return f"noise found: {'; '.join(shown[:3])}{rest}{tails}"
 
 
 def model_list(models: Iterable[Model], costs: Sequence[Cost] = ()) -> str:

@@ -8,8 +8,8 @@
 // known to lie above (1) or below (-1) what stands for it: ln P of that.
 //
 // Terms have the precision of `real`; a block's few terms are added in it, blocks in double.
-// Logarithms are taken of products: 16 mantissas of 1 to 2 cannot overflow, and exponents
-// are added as integers.
+// Logarithms are taken of products: mantissas of 1 to 2 are multiplied, a block at a time, which
+// cannot overflow, and exponents are added as integers.
 
 #if PRECISION == 64
 typedef VECTOR(long) bit_pattern;
@@ -45,8 +45,15 @@ static inline void times(product *p, const real v) {
   p->exponent += bits >> MANTISSA_BITS;
 }
 
-static inline real log_of(const product p) {  // of BLOCK factors
-  return LN_2 * (positive_log2(p.mantissa) + TO_REAL(p.exponent - BLOCK * BIAS));
+// Brings the mantissa back to 1 to 2 before it overflows.
+static inline void settle(product *p) {  // after BLOCK factors
+  const bit_pattern bits = AS_BITS(p->mantissa);
+  p->mantissa = AS_REAL((bits & MANTISSA_MASK) | ONE_BITS);
+  p->exponent += (bits >> MANTISSA_BITS) - (BLOCK + 1) * BIAS;
+}
+
+static inline real log_of(const product p) {
+  return LN_2 * (positive_log2(p.mantissa) + TO_REAL(p.exponent));
 }
 
 #if CENSORED
@@ -64,93 +71,120 @@ static inline real log_normal_cdf(const real z) {
 
 // With CHANNEL_X each channel has nonlinear parameters of its own.
 #if CHANNEL_X
-#define N_GROUPS n_channels
+#define N_GROUPS N_CHANNELS
 #else
 #define N_GROUPS 1
 #endif
 #define N_NOISE 3
 
-// The log-likelihood of a block's values in one channel. `noise` has additive^2 and relative^2,
-// or 1/scale^2 and nothing; and nu.
-static inline real block_sum(real columns[BLOCK][N_BASIS], global const real *values,
-                             global const real *weights, global const real *sides,
-                             const int first, const int stride,
-                             global const scalar *coefficient, global const scalar *noise) {
-  real acc = 0.0;
-  product spread = {1.0, 0}, tail = {1.0, 0};
-  for (int b = 0; b < BLOCK; ++b) {
-    const int v = first + b * stride;
-    real f = coefficient[0] * columns[b][0];
-    for (int k = 1; k < N_BASIS; ++k) f += coefficient[k] * columns[b][k];
-    const real residual = values[v] - f;
-    const real w = weights[v];
+// What a chunk's values have added up to in one channel: a block's sum of squares, and products
+// over all blocks, whose logarithm is taken once.
+typedef struct { real squares; product spread, tail; } partial;
+
+// `noise` has additive^2 and relative^2, or 1/scale^2 and nothing; and nu.
+static inline void add_value(partial *p, const real *basis, const scalar *coefficient,
+                             const scalar *noise, const real value, const real w,
+                             const real side) {
+  real f = coefficient[0] * basis[0];
+#pragma unroll
+  for (int k = 1; k < N_BASIS; ++k) f += coefficient[k] * basis[k];
+  const real residual = value - f;
 #if GIVEN
-    const real variance = 1.0, inverse = w * noise[0];
+  const real variance = 1.0, inverse = w * noise[0];
 #else
-    // What is missing has weight 0 and counts as met exactly, with variance 1.
-    const real variance = w > 0.0 ? noise[0] + noise[1] * f * f : 1.0;
-    const real inverse = w / variance;
+  // What is missing has weight 0 and counts as met exactly, with variance 1.
+  const real variance = w > 0.0 ? noise[0] + noise[1] * f * f : 1.0;
+  const real inverse = w / variance;
 #endif
-    const real z2 = residual * residual * inverse;
+  const real z2 = residual * residual * inverse;
 #if CENSORED
-    const real side = sides[v];
-    const real beyond = log_normal_cdf(-side * residual * sqrt(inverse));
-    acc += side != 0.0 ? -2.0 * beyond : z2;
-    const real counted = side != 0.0 ? 1.0 : variance;
+  const real beyond = log_normal_cdf(-side * residual * sqrt(inverse));
+  p->squares += side != 0.0 ? -2.0 * beyond : z2;
+  const real counted = side != 0.0 ? 1.0 : variance;
 #else
-    const real counted = variance;
+  const real counted = variance;
 #if STUDENT
-    times(&tail, 1.0 + z2 / noise[2]);
+  times(&p->tail, 1.0 + z2 / noise[2]);
 #else
-    acc += z2;
+  p->squares += z2;
 #endif
 #endif
 #if !GIVEN
-    times(&spread, counted);
+  times(&p->spread, counted);
 #endif
-  }
-#if STUDENT
-  acc += (noise[2] + 1.0) * log_of(tail);
-#endif
-#if !GIVEN
-  acc += log_of(spread);
-#endif
-  return -0.5 * acc;
 }
 
+// Loops over a group's channels.
+#if CHANNEL_X
+#define EACH_CHANNEL(channel) for (int channel = group; channel == group; ++channel)
+#else
+#define EACH_CHANNEL(channel) for (int channel = 0; channel < N_CHANNELS; ++channel)
+#endif
+
+// Neighbours on a CPU share directions, which stay in its caches; on a GPU they read neighbours.
 kernel void log_likelihood(global const real *planes, const int n, global const real *values,
                            global const real *weights, global const real *sides,
-                           const int n_channels, global const scalar *parameters,
-                           const int n_chunks, const int blocks_per_chunk, global double *out) {
+                           global const scalar *parameters, const int n_chunks,
+                           const int blocks_per_chunk, global double *out) {
+#if STRIDED
   const int chunk = get_global_id(0), set = get_global_id(1), n_sets = get_global_size(1);
+#else
+  const int chunk = get_global_id(1), set = get_global_id(0), n_sets = get_global_size(0);
+#endif
   global const scalar *all_x = parameters;
   global const scalar *coefficients = all_x + n_sets * N_GROUPS * N_X;
-  global const scalar *noise = coefficients + n_sets * n_channels * N_BASIS;
-  global double *sums = out + (size_t)(chunk * n_sets + set) * n_channels;
-  for (int channel = 0; channel < n_channels; ++channel) sums[channel] = 0.0;
+  global const scalar *noises = coefficients + n_sets * N_CHANNELS * N_BASIS;
+  global double *sums = out + (size_t)(chunk * n_sets + set) * N_CHANNELS;
 
   for (int group = 0; group < N_GROUPS; ++group) {
     const constants c = prepare(all_x + (set * N_GROUPS + group) * N_X);
+    partial parts[N_CHANNELS];
+    EACH_CHANNEL(channel) {
+      const partial nothing = {0.0, {1.0, 0}, {1.0, 0}};
+      parts[channel] = nothing;
+      sums[channel] = 0.0;
+    }
     for (int block = 0; block < blocks_per_chunk; ++block) {
 #if STRIDED
       const int first = block * BLOCK * n_chunks + chunk, stride = n_chunks;
 #else
       const int first = (chunk * blocks_per_chunk + block) * BLOCK, stride = 1;
 #endif
+      // In two loops: one would be a chain of operations longer than a CPU looks ahead.
       real columns[BLOCK][N_BASIS];
       for (int b = 0; b < BLOCK; ++b)
-        evaluate_basis(load_geometry(planes, n, first + b * stride), &c, columns[b]);
-#if CHANNEL_X
-      {
-        const int channel = group;
-#else
-      for (int channel = 0; channel < n_channels; ++channel) {
+        evaluate_row(planes, n, first + b * stride, &c, columns[b]);
+      EACH_CHANNEL(channel) {
+        const int row = set * N_CHANNELS + channel;
+        scalar coefficient[N_BASIS], noise[N_NOISE];
+#pragma unroll
+        for (int k = 0; k < N_BASIS; ++k) coefficient[k] = coefficients[row * N_BASIS + k];
+#pragma unroll
+        for (int k = 0; k < N_NOISE; ++k) noise[k] = noises[row * N_NOISE + k];
+        partial p = parts[channel];
+        p.squares = 0.0;
+        for (int b = 0; b < BLOCK; ++b) {
+          const int v = channel * n + first + b * stride;
+          add_value(&p, columns[b], coefficient, noise, values[v], weights[v], sides[v]);
+        }
+        sums[channel] -= 0.5 * sum_lanes(p.squares);
+#if STUDENT
+        settle(&p.tail);
 #endif
-        const int row = set * n_channels + channel;
-        sums[channel] += sum_lanes(block_sum(columns, values + channel * n, weights + channel * n,
-                                             sides + channel * n, first, stride,
-                                             coefficients + row * N_BASIS, noise + row * N_NOISE));
+#if !GIVEN
+        settle(&p.spread);
+#endif
+        parts[channel] = p;
       }
+    }
+    EACH_CHANNEL(channel) {
+#if STUDENT
+      const scalar nu = noises[(set * N_CHANNELS + channel) * N_NOISE + 2];
+      sums[channel] -= 0.5 * (nu + 1.0) * sum_lanes(log_of(parts[channel].tail));
+#endif
+#if !GIVEN
+      sums[channel] -= 0.5 * sum_lanes(log_of(parts[channel].spread));
+#endif
     }
   }
 }

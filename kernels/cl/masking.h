@@ -44,7 +44,7 @@ static inline real root_divisor_v_cavity(const geometry g, const real t2, const 
 // cos sqrt(1 + alpha^2 tan^2) of an isotropic GGX surface, finite at grazing.
 static inline real ggx_root(const real cos_theta, const scalar alpha) {
   const scalar alpha2 = alpha * alpha;
-  return sqrt(alpha2 + (1.0 - alpha2) * square(cos_theta));
+  return positive_root(alpha2 + (1.0 - alpha2) * square(cos_theta));
 }
 
 // Smith's Lambda for Beckmann; Heitz 2014, eq. 72. alpha2_sin2 = (alpha sin(theta))^2.

@@ -72,13 +72,13 @@ kernel void weighted_sums(global const real *planes, const int n, global const r
       const int first = (chunk * blocks_per_chunk + block) * BLOCK, stride = 1;
 #endif
       for (int b = 0; b < BLOCK; ++b) {
-        const geometry g = load_geometry(planes, n, first + b * stride);
-        evaluate_basis(g, &c, columns[b]);
+        const int row = first + b * stride;
+        evaluate_row(planes, n, row, &c, columns[b]);
 #if DERIVATIVES
         for (int j = 0; j < N_X; ++j) {
           real plus[N_BASIS], minus[N_BASIS];
-          evaluate_basis(g, &ahead[j], plus);
-          evaluate_basis(g, &behind[j], minus);
+          evaluate_row(planes, n, row, &ahead[j], plus);
+          evaluate_row(planes, n, row, &behind[j], minus);
           const scalar per_step = steps[j] > 0.0 ? 0.5 / steps[j] : 0.0;
           fill_derivatives(j, plus, minus, per_step, columns[b] + N_BASIS);
         }

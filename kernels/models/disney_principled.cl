@@ -35,8 +35,8 @@ static inline real disney_principled_divisor_burley2012(const geometry g,
 }
 static inline real disney_principled_divisor_burley2014(const geometry g,
                                                         const disney_principled_constants c) {
-  const real root_i = sqrt(square(g.cos_theta_i) + alpha2_sin2(g.i_x, g.i_y, c.axes));
-  const real root_o = sqrt(square(g.cos_theta_o) + alpha2_sin2(g.o_x, g.o_y, c.axes));
+  const real root_i = positive_root(square(g.cos_theta_i) + alpha2_sin2(g.i_x, g.i_y, c.axes));
+  const real root_o = positive_root(square(g.cos_theta_o) + alpha2_sin2(g.o_x, g.o_y, c.axes));
   return (g.cos_theta_i + root_i) * (g.cos_theta_o + root_o);
 }
 

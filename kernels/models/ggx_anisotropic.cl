@@ -8,8 +8,8 @@ static inline ggx_anisotropic_constants ggx_anisotropic_prepare(const ggx_anisot
 
 static inline void ggx_anisotropic_basis(const geometry g, const ggx_anisotropic_constants c, real *basis) {
   const real t2 = tan2_theta_h(g);
-  const real root_i = sqrt(square(g.cos_theta_i) + alpha2_sin2(g.i_x, g.i_y, c.axes));
-  const real root_o = sqrt(square(g.cos_theta_o) + alpha2_sin2(g.o_x, g.o_y, c.axes));
+  const real root_i = positive_root(square(g.cos_theta_i) + alpha2_sin2(g.i_x, g.i_y, c.axes));
+  const real root_o = positive_root(square(g.cos_theta_o) + alpha2_sin2(g.o_x, g.o_y, c.axes));
   const real divisor = PASTE(root_divisor_, OPTION_masking)(g, t2, root_i, root_o);
   const real widths = PI * c.axes.alpha_x * c.axes.alpha_y;
   const real lobe = square((1.0 + t2) / (1.0 + slope_over_alpha2(g, c.axes))) / (widths * divisor);

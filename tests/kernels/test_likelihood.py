@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from lobefit.kernels import ModelError, evaluate, get_device, get_model
+from lobefit.kernels import Device, ModelError, evaluate, get_device, get_model
 from lobefit.kernels.geometry import Directions, Precision
 from lobefit.kernels.likelihood import Likelihood
 from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
@@ -195,3 +195,50 @@ def test_what_is_missing_is_told() -> None:
         case.likelihood(case.sigma)(case.x, case.c[:, :1])
     with pytest.raises(ModelError, match="do not go together"):
         case.likelihood(student=True, sides=np.zeros(case.y.shape, dtype=int))
+
+
+@every_precision
+def test_a_set_does_not_depend_on_its_neighbours(precision: Precision) -> None:
+    # What a walker's log-probability is must not change with the batch it is computed in, or
+    # chains would depend on how a run was split.
+    case = Case("ggx", precision)
+    likelihood = case.likelihood()
+    together = likelihood(case.x, case.c, case.additive, case.relative)
+    alone = [
+        likelihood(*(rows[k : k + 1] for rows in (case.x, case.c, case.additive, case.relative)))
+        for k in range(SETS)
+    ]
+    np.testing.assert_array_equal(together, np.concatenate(alone))
+
+
+@every_precision
+def test_variances_far_from_one_do_not_overflow_their_product(precision: Precision) -> None:
+    # Hundreds of variances of one size: their product would be 1e+-3000.
+    case = Case("oren_nayar", precision)
+    likelihood = case.likelihood()
+    relative = np.zeros((SETS, 3))
+    for size in (1e-5, 1e5):
+        additive = np.full((SETS, 3), size)
+        found = likelihood(case.x, case.c, additive, relative)
+        r = case.y - case.f
+        close(found, case, -0.5 * ((r / size) ** 2 + np.log(2 * np.pi * size**2)), precision)
+
+
+class AsOnAGpu(Device):
+    """The same device, which says that it is no CPU: work is shared out as there."""
+
+    @property
+    def is_cpu(self) -> bool:
+        return False
+
+
+@pytest.mark.parametrize("name", ["ggx", "cook_torrance"])
+def test_strided_sums_agree(name: str) -> None:
+    case = Case(name, "double")
+    here = case.likelihood()(case.x, case.c, case.additive, case.relative)
+    device = get_device()
+    other = AsOnAGpu(device.info, device.context.devices[0])
+    case.directions = Directions(other, *case.angles, "double")
+    there = case.likelihood()(case.x, case.c, case.additive, case.relative)
+    # Another order of addition.
+    np.testing.assert_allclose(there, here, rtol=1e-11)

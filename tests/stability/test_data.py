@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lobefit.fitting import Measurement, check, fit, read_measurement, simulate
+from lobefit.fitting import Instrument, Measurement, check, fit, read_measurement, simulate
 from lobefit.fitting.lobes import make_grid, write_lobes
 from lobefit.fitting.sample import sample
 from lobefit.kernels import MeasurementError, evaluate
@@ -93,8 +93,31 @@ def test_shifted_peak() -> None:
     veiled = noisy(m, evaluate("ggx", truth, *angles(m)) + 0.02)
     report = fit(veiled, "ggx:k_s=1")
     measured("F16", veil=float(report.best.params["k_d"]) / 0.1 - 1)  # type: ignore[arg-type]
-    # Nothing tells a constant veil from a brighter diffuse term.
+    # Nothing tells a constant of f itself from a brighter diffuse term.
     assert not report.best.diagnostics.misfit_limited
+
+
+def test_shifted_peak_and_veil_are_fitted_when_asked_for() -> None:
+    truth = {**GLOSSY, "alpha": 0.05}
+    m = simulate("ggx", truth, SCAN)
+    side = np.where(np.cos(m.phi_o - m.phi_i) < 0, 1.0, -1.0)
+    tilt = np.radians(0.5)
+    theta_i, theta_o = m.theta_i + tilt, side * m.theta_o - tilt
+    f = evaluate("ggx", truth, theta_i, 0.0, np.abs(theta_o), np.where(theta_o >= 0, np.pi, 0.0))
+    seen = f * np.cos(theta_o) / np.cos(m.theta_o)  # divided by the nominal cosine
+    veil = evaluate("ggx", truth, *angles(m)) + 0.02 / np.cos(m.theta_o)
+    for readings, instrument, name, value in (
+        (seen, Instrument(tilt=True), "tilt_x", -0.5),
+        (veil, Instrument(veil=True), "veil", 0.02),
+    ):
+        best = fit(noisy(m, readings), "ggx:k_s=1", instrument=instrument).best
+        assert best.instrument is not None
+        estimates = {e.name: e for e in (*best.instrument.estimates, *best.estimates)}
+        for key, true in ((name, value), ("F0", 0.5), ("k_d", 0.1), ("alpha", 0.05)):
+            e = estimates[key]
+            assert e.standard_error is not None
+            assert e.value == pytest.approx(true, abs=4.0 * e.standard_error)
+        assert not best.diagnostics.misfit_limited
 
 
 def test_saturation() -> None:
