@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo serve test test-slow bench lint samples docs clean
+.PHONY: demo serve test test-slow bench lint samples docs chart clean
 
 # Run the main job on a sample: read, fit every candidate model, rank, draw.
 demo: .venv/user
@@ -31,6 +31,10 @@ lint: .venv/dev
 docs: .venv/dev
 	$(BIN)/python -m docs.make
 	$(BIN)/python -m docs.stability
+
+# Measure and draw the charts of speed against accuracy again, on an idle machine.
+chart: .venv/dev
+	$(BIN)/python -m docs.tradeoffs
 
 # Make the sample measurements again from the commands recorded beside them.
 samples: .venv/user
