@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lobefit.kernels.errors import DeviceError, LobefitError, MeasurementError
+from lobefit.kernels.errors import (
+    DeviceError,
+    FitError,
+    LobefitError,
+    MeasurementError,
+    ModelError,
+)
 from lobefit.service.claim import Claim, Made
 from lobefit.service.rows import NotFound, StoreFull
 from lobefit.service.store import Store
@@ -164,8 +170,7 @@ def problem_of(error: BaseException) -> dict[str, Any] | None:
         return {"slug": "not-found", "detail": str(error)}
     if isinstance(error, StoreFull):
         return {"slug": "storage-full", "detail": str(error)}
-    if isinstance(error, DeviceError):
-        return {"slug": "internal", "detail": str(error)}
     if isinstance(error, LobefitError):
-        return {"slug": "invalid-request", "detail": str(error)}
+        slugs = {ModelError: "invalid-model", FitError: "impossible-fit", DeviceError: "no-device"}
+        return {"slug": slugs.get(type(error), "invalid-request"), "detail": str(error)}
     return None

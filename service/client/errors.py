@@ -6,9 +6,23 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from lobefit.kernels.errors import LobefitError, MeasurementError, ModelError
+from lobefit.kernels.errors import (
+    DeviceError,
+    FitError,
+    LobefitError,
+    MeasurementError,
+    ModelError,
+)
 
 __all__ = ["ServiceError", "error_of", "refused_as"]
+
+# Slugs that say which error of the local API it is.
+KINDS: Mapping[str, type[LobefitError]] = {
+    "unknown-model": ModelError,
+    "invalid-model": ModelError,
+    "impossible-fit": FitError,
+    "no-device": DeviceError,
+}
 
 
 class ServiceError(LobefitError):
@@ -92,8 +106,8 @@ def error_of(problem: Mapping[str, Any], status: int | None = None) -> LobefitEr
             text=_text(problem, "text"),
             expected=_text(problem, "expected"),
         )
-    if slug == "unknown-model":
-        return ModelError(message)
+    if slug in KINDS:
+        return KINDS[slug](message)
     return ServiceError(
         message,
         status=status,

@@ -161,17 +161,24 @@ def _read(path: Path) -> bytes:
     status_code=204,
     summary="Cancel or delete a fit",
     responses={
+        200: {"model": Fit, "description": "It had ended and is kept, as asked for."},
         202: {"model": Fit, "description": "It is being cancelled; what is finished is kept."},
         204: {"description": "It had ended and is deleted."},
         **problems("not-found", "conflict", "invalid-request"),
     },
 )
-async def deleted(shared: SharedState, id: Id) -> Response:
+async def deleted(
+    shared: SharedState,
+    id: Id,
+    keep: Annotated[bool, Query(description="Cancel only: a fit that has ended is kept.")] = False,
+) -> Response:
     """Cancel a fit that waits or runs; delete one that has ended, with its files."""
     row = fit_row(shared.store, id)
     if row.state not in ENDED:
         row = await shared.write(shared.store.cancel, id)
         return JSONResponse(fit_resource(shared.store, row), 202)
+    if keep:
+        return JSONResponse(fit_resource(shared.store, row))
     await shared.write(shared.store.delete_job, id)
     return Response(status_code=204)
 

@@ -279,7 +279,7 @@ def test_what_a_model_has_not_is_refused(bench: Bench) -> None:
     problem = bench.refused(
         "evaluate", {"model": "ggx", "params": {"beta": 1}, "directions": angles}
     )
-    assert problem["slug"] == "invalid-request" and "beta" in problem["detail"]
+    assert problem["slug"] == "invalid-model" and "beta" in problem["detail"]
     for geometry in ("in-plane step=0.00001", "in-plane step=0.001", "sideways"):
         problem = bench.refused("simulate", {"model": "lambert", "geometry": geometry})
         assert problem["slug"] == "invalid-request"
