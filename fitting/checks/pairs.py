@@ -36,6 +36,8 @@ LEVELS = 2000
 REACHES = (0.8, 1.6, 3.2)
 NEIGHBOURS = 8
 QUERIES = 1500
+# So many at a time are looked for together.
+BLOCK = 32
 ROWS = 20_000
 # Misalignment (rad) that a pair on the flank of a peak must exceed to count.
 ALIGNED = np.radians(0.5)
@@ -250,19 +252,28 @@ def _neighbours(places: Array, logs: Array, targets: Array) -> tuple[Array, Arra
 
     Returns the distance of the nearest row, the value, and how much the plane changes it.
     """
-    count = targets.shape[1]
-    nearest, value, change = np.empty(count), np.empty(count), np.empty(count)
-    for k in range(count):
-        apart = places - targets[:, k : k + 1]
-        square = (apart**2).sum(axis=0)
-        chosen = np.argpartition(square, NEIGHBOURS)[:NEIGHBOURS]
-        weight = 1.0 / np.sqrt(square[chosen] + 0.1)
-        matrix = np.concatenate([np.ones((1, NEIGHBOURS)), apart[:, chosen]]) * weight
-        # Directions in which the neighbours do not extend have no slope: a small ridge.
-        gram = matrix @ matrix.T
-        gram[1:, 1:] += 0.02 * np.trace(gram[1:, 1:]) * np.eye(3) + 1e-9 * np.eye(3)
-        plane = np.linalg.solve(gram, matrix @ (logs[chosen] * weight))
-        nearest[k] = np.sqrt(square[chosen].min())
-        value[k] = plane[0]
-        change[k] = np.linalg.norm(plane[1:]) * np.sqrt(square[chosen].max())
+    found = [
+        _planes(places, logs, targets[:, first : first + BLOCK])
+        for first in range(0, targets.shape[1], BLOCK)
+    ]
+    nearest, value, change = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return nearest, value, change
+
+
+def _planes(places: Array, logs: Array, targets: Array) -> tuple[Array, Array, Array]:
+    """Do it for a block of targets at once."""
+    apart = places[:, None, :] - targets[:, :, None]
+    square = (apart**2).sum(axis=0)
+    chosen = np.argpartition(square, NEIGHBOURS, axis=1)[:, :NEIGHBOURS]
+    square = np.take_along_axis(square, chosen, axis=1)
+    weight = 1.0 / np.sqrt(square + 0.1)
+    near = np.take_along_axis(apart, chosen[None], axis=2).transpose(1, 0, 2)
+    matrix = np.concatenate([np.ones((len(near), 1, NEIGHBOURS)), near], axis=1)
+    matrix *= weight[:, None, :]
+    # Directions in which the neighbours do not extend have no slope: a small ridge.
+    gram = matrix @ matrix.transpose(0, 2, 1)
+    size = np.trace(gram[:, 1:, 1:], axis1=1, axis2=2)
+    gram[:, 1:, 1:] += (0.02 * size + 1e-9)[:, None, None] * np.eye(3)
+    plane = np.linalg.solve(gram, matrix @ (logs[chosen] * weight)[:, :, None])[:, :, 0]
+    change = np.linalg.norm(plane[:, 1:], axis=1) * np.sqrt(square.max(axis=1))
+    return np.sqrt(square.min(axis=1)), plane[:, 0], change
