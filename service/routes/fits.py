@@ -161,7 +161,6 @@ def _read(path: Path) -> bytes:
     status_code=204,
     summary="Cancel or delete a fit",
     responses={
-        200: {"model": Fit, "description": "It had ended and is kept, as asked for."},
         202: {"model": Fit, "description": "It is being cancelled; what is finished is kept."},
         204: {"description": "It had ended and is deleted."},
         **problems("not-found", "conflict", "invalid-request"),
@@ -170,7 +169,7 @@ def _read(path: Path) -> bytes:
 async def deleted(
     shared: SharedState,
     id: Id,
-    keep: Annotated[bool, Query(description="Cancel only: a fit that has ended is kept.")] = False,
+    keep: Annotated[bool, Query(description="Cancel only: one that has ended is refused (409).")] = False,
 ) -> Response:
     """Cancel a fit that waits or runs; delete one that has ended, with its files."""
     row = fit_row(shared.store, id)
@@ -178,7 +177,7 @@ async def deleted(
         row = await shared.write(shared.store.cancel, id)
         return JSONResponse(fit_resource(shared.store, row), 202)
     if keep:
-        return JSONResponse(fit_resource(shared.store, row))
+        raise Problem("conflict", f"the fit is {row.state}: there is nothing to cancel")
     await shared.write(shared.store.delete_job, id)
     return Response(status_code=204)
 

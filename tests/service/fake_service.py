@@ -233,7 +233,8 @@ class FakeService:
         if method == "DELETE":
             if row["state"] in TERMINAL:
                 if request.url.params.get("keep") == "true":
-                    return answer(200, self.resource(id))
+                    problem = {"type": "/problems/conflict", "detail": "nothing to cancel"}
+                    return answer(409, problem)
                 del self.fits[id]
                 return httpx2.Response(204)
             row["_end"], row["_at"], row["state"] = "cancelled", STEPS, "cancelled"

@@ -46,7 +46,7 @@ def test_words_and_files(folder: Path, tmp_path: Path) -> None:
     assert first.startswith("lambert with ") and "is enough" in first
     assert "Reference: Readings" in result.stdout
     assert "ms/frame (quartiles)" in result.stdout
-    assert "a tie goes to fewer" in " ".join(result.stdout.split())
+    assert "a tie goes to the simpler shading" in " ".join(result.stdout.split())
     assert f"Written to {tmp_path / 'out'}: scene.png, beauty.png, " in result.stdout
     assert (tmp_path / "out" / "scene.png").read_bytes().startswith(b"\x89PNG")
 

@@ -1,0 +1,187 @@
+"""The answer to a scene in words: a sentence, a table, a JSON document."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from lobefit import __version__
+
+if TYPE_CHECKING:  # that module loads this one when it is asked for words
+    from lobefit.fitting.scene import Answer, Combination, Decision
+    from lobefit.fitting.scene_file import Tolerance
+
+__all__ = ["SCHEMA", "document", "seconds_text", "sentence", "table"]
+
+SCHEMA = "lobefit.decision/1"
+SHADINGS = {"flat": "flat shading", "gouraud": "Gouraud shading", "phong": "Phong shading"}
+MEASURES = {"delta_e": "ΔE2000", "relative": "relative error"}
+COST = (
+    "Cost: measured seconds a frame on the device (shading and filling the pixels; neither finding "
+    "what is seen nor compiling), median of interleaved rounds. Costs that differ by no more than "
+    "two standard errors of the median tie; a tie goes to the simpler shading (flat, Gouraud, Phong), "
+    "then to fewer shaded points, then to fewer parameters."
+)
+
+
+def seconds_text(seconds: float) -> str:
+    """Write a time in milliseconds to three digits."""
+    return f"{seconds * 1e3:.3g} ms"
+
+
+def _measured(c: Combination, measure: str) -> str:
+    return f"mean {MEASURES[measure]} {c.errors.mean:.3g}, 99th percentile {c.errors.p99:.3g}"
+
+
+def _named(c: Combination) -> str:
+    return f"{c.model.name} with {SHADINGS[c.shading]}"
+
+
+def sentence(decision: Decision) -> str:
+    """Answer: what is enough, what the next cheaper one lacks, and what more would cost."""
+    answer, measure = decision.answer, decision.request.tolerance.measure
+    tolerance, levels = answer.tolerance, len(decision.request.levels) > 1
+    allowed = f"allowed are {tolerance.mean:g} and {tolerance.p99:g}"
+
+    def where(c: Combination) -> str:
+        return f" at level {c.level}" if levels else ""
+
+    if answer.chosen is None:
+        c = answer.cheaper
+        assert c is not None
+        return (
+            f"Nothing stays within the tolerance: {_named(c)}{where(c)} comes nearest, "
+            f"{_measured(c, measure)} where {allowed}, {c.excess(tolerance):.2g} times too much."
+        )
+    c = answer.chosen
+    low, high = c.cost.quartiles
+    text = (
+        f"{_named(c)}{where(c)} is enough: {_measured(c, measure)} where {allowed}, "
+        f"at {seconds_text(c.cost.median)} a frame (quartiles {seconds_text(low)} and "
+        f"{seconds_text(high)}, {c.cost.points} shaded points)"
+    )
+    if answer.cheaper is None:
+        text += "; nothing that was tried is cheaper"
+    else:
+        b = answer.cheaper
+        text += (
+            f"; the next cheaper, {_named(b)}{where(b)} ({seconds_text(b.cost.median)}, "
+            f"{b.cost.points} points), is {b.excess(tolerance):.2g} times over the tolerance "
+            f"({_measured(b, measure)})"
+        )
+    if answer.richer:
+        r = max(answer.richer, key=lambda c: (c.cost.median, c.cost.points))
+        text += (
+            f"; {len(answer.richer)} dearer ones are within it too, up to {_named(r)}{where(r)} "
+            f"at {seconds_text(r.cost.median)}, {r.cost.median / c.cost.median:.1f} times the time"
+        )
+    return f"{text}."
+
+
+def table(decision: Decision) -> str:
+    """List all combinations from cheap to dear."""
+    tolerance = decision.answer.tolerance
+    name = max(len("model"), *(len(c.model.name) for c in decision.combinations))
+    measure = f"mean {MEASURES[tolerance.measure]}"
+    head = f"  {'model':{name}}  shading  level  parameters  points  {'ms/frame (quartiles)':<22}  "
+    lines = [f"{head}{measure:>20}  {'99 %':>7}  x tolerance"]
+    for c in decision.combinations:
+        mark = "*" if c is decision.answer.chosen else " "
+        low, high = (1e3 * s for s in c.cost.quartiles)
+        times = f"{1e3 * c.cost.median:.3g} ({low:.3g} to {high:.3g})"
+        excess = c.excess(tolerance)
+        lines.append(
+            f"{mark} {c.model.name:{name}}  {c.shading:<7}  {c.level:>5}  {c.cost.n_parameters:>10}"
+            f"  {c.cost.points:>6}  {times:<22}  {c.errors.mean:>20.4g}  {c.errors.p99:>7.4g}"
+            f"  {excess:>11.3g}{'' if excess <= 1 else ' over'}"
+        )
+    return "\n".join(lines)
+
+
+def document(decision: Decision) -> dict[str, Any]:
+    """Give everything but pictures as JSON-ready values."""
+    request, tolerance = decision.request, decision.request.tolerance
+    camera, light = request.camera, decision.reference
+    nearby = {"tightened_tenfold": 0.1, "loosened_tenfold": 10.0}
+    shown = [c.errors.clipped for c in (decision.answer.chosen,) if c is not None]
+    return {
+        "schema": SCHEMA,
+        "lobefit": __version__,
+        "sentence": decision.sentence,
+        "scene": {
+            "file": request.file.name,
+            "sha256": request.sha256,
+            "description": request.description,
+            "shape": request.shape,
+            "levels": list(request.levels),
+            "width": camera.width,
+            "height": camera.height,
+        },
+        "report": {
+            "file": decision.fits.report.name,
+            "channels": list(decision.fits.channels),
+            "models": len(decision.fits.models),
+            "described": decision.fits.described,
+        },
+        "tolerance": _limits(tolerance),
+        "colour": None
+        if tolerance.measure != "delta_e"
+        else {
+            "space": "linear sRGB, D65",
+            "difference": "CIE ΔE2000",
+            "exposure": decision.factor,
+            "exposed": "by the factor that the scene states"
+            if request.exposure.factor is not None
+            else f"so that percentile {request.exposure.percentile:g} of the reference's "
+            f"brightest channel is {request.exposure.level:g}",
+            "clipping": "to 0 to 1 after exposure, before encoding",
+            "clipped_share": shown[0] if shown else None,
+        },
+        "reference": light.to_dict(),
+        "cost": COST,
+        "device": decision.device,
+        "seconds": decision.seconds,
+        "answer": _answer(decision.answer),
+        "other_tolerances": {
+            key: _answer(decision.answer_for(tolerance.scaled(factor)))
+            for key, factor in nearby.items()
+        },
+        "combinations": [_combination(c, tolerance) for c in decision.combinations],
+    }
+
+
+def _limits(tolerance: Tolerance) -> dict[str, Any]:
+    return {"measure": tolerance.measure, "mean": tolerance.mean, "p99": tolerance.p99}
+
+
+def _answer(answer: Answer) -> dict[str, Any]:
+    def maybe(c: Combination | None) -> dict[str, Any] | None:
+        return None if c is None else _combination(c, answer.tolerance)
+
+    return {
+        "tolerance": _limits(answer.tolerance),
+        "chosen": maybe(answer.chosen),
+        "next_cheaper": maybe(answer.cheaper),
+        "richer": [_combination(c, answer.tolerance) for c in answer.richer],
+    }
+
+
+def _combination(c: Combination, tolerance: Tolerance) -> dict[str, Any]:
+    excess = c.excess(tolerance)
+    return {
+        "model": c.model.name,
+        "origin": c.model.origin,
+        "shading": c.shading,
+        "level": c.level,
+        "n_parameters": c.cost.n_parameters,
+        "points": c.cost.points,
+        "seconds": c.cost.median,
+        "seconds_quartiles": list(c.cost.quartiles),
+        "rounds": len(c.cost.seconds),
+        "mean": c.errors.mean,
+        "p99": c.errors.p99,
+        "largest": c.errors.largest,
+        "clipped_share": c.errors.clipped,
+        "times_tolerance": excess if math.isfinite(excess) else None,
+        "within": excess <= 1.0,
+    }

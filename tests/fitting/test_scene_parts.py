@@ -1,0 +1,133 @@
+"""Parts of a scene's decision: interpolated data, colour differences, the order of costs."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from lobefit.fitting import simulate
+from lobefit.fitting.scene_colour import Yardstick, encoded, exposure_factor
+from lobefit.fitting.scene_cost import Cost, order_by_cost, take_turns
+from lobefit.fitting.scene_data import Interpolation, half_difference
+from lobefit.fitting.scene_file import Exposure
+from lobefit.kernels import evaluate
+from lobefit.kernels.errors import SceneError
+
+__all__: list[str] = []
+
+PAINT: dict[str, float | list[float]] = {"k_d": [0.5, 0.3, 0.2], "alpha": 0.5, "F0": 0.04}
+SCAN = "hemisphere incidences=0,15,30,45,60,75 theta_step=7.5 phi_step=20"
+
+
+def test_half_difference_coordinates_are_those_of_an_isotropic_reciprocal_surface() -> None:
+    rng = np.random.default_rng(1)
+    theta_i, theta_o = rng.uniform(0.0, 1.5, (2, 100))
+    turn = rng.uniform(0.0, 6.0, 100)
+    here = half_difference(theta_i, theta_o, turn)
+    np.testing.assert_allclose(half_difference(theta_o, theta_i, turn), here, atol=1e-7)
+    np.testing.assert_allclose(half_difference(theta_i, theta_o, -turn), here, atol=1e-7)
+    mirror = half_difference(theta_i, theta_i, np.full(100, np.pi))
+    np.testing.assert_allclose(mirror[:, 0], 0.0, atol=1e-3)
+    np.testing.assert_allclose(mirror[:, 1], theta_i / (np.pi / 2), atol=1e-7)
+    retro = half_difference(theta_i, theta_i, np.zeros(100))
+    np.testing.assert_allclose(retro[:, 1], 0.0, atol=1e-7)
+
+
+def test_interpolated_data_are_the_surface_and_say_how_well() -> None:
+    measured = simulate("ggx", PAINT, SCAN, (0.01, 1e-4), seed=3)
+    data = Interpolation(measured)
+    rng = np.random.default_rng(2)
+    theta_i, theta_o = np.arccos(rng.uniform(0.4, 1.0, (2, 2000)))
+    turn = rng.uniform(0.0, 2 * np.pi, 2000)
+    found, covered = data(theta_i, theta_o, turn)
+    truth = evaluate("ggx", PAINT, theta_i, 0.0, theta_o, turn)
+    assert covered.mean() > 0.98
+    error = np.abs(found / truth - 1.0)[:, covered]
+    assert np.median(error) < 0.01
+    # Readings have 1 % of noise, and are predicted by the others about as well as that.
+    assert 0.003 < data.left_out().relative < 0.02
+    grazing = data(np.full(5, 1.5), np.full(5, 1.5), np.full(5, np.pi))[1]
+    assert not grazing.any()
+
+
+def test_too_few_readings_are_not_interpolated() -> None:
+    few = simulate("lambert", {"k_d": 0.5}, "in-plane incidences=30 step=20")
+    assert not Interpolation(few).usable
+
+
+def test_colour_differences_are_those_of_cie() -> None:
+    pytest.importorskip("skimage")
+    # From black (0) to mid grey, L* = 50: linear 0.18418..., ΔE2000 of (50, 0, 0) and (0, 0, 0).
+    grey = ((50.0 + 16.0) / 116.0) ** 3
+    dark = np.zeros((3, 1, 2))
+    light = np.full((3, 1, 2), grey)
+    mask = np.ones((1, 2), dtype=bool)
+    found = Yardstick("delta_e", dark, mask, 1.0).errors(light, mask)
+    # Sharma et al.: dL / S_L with S_L = 1 + 0.015 (25 - 50)^2 / sqrt(20 + 625).
+    expected = 50.0 / (1.0 + 0.015 * 625.0 / np.sqrt(645.0))
+    assert found.mean == pytest.approx(expected, rel=2e-4)
+    assert found.clipped == 0.0
+    # Exposure is the same for both, and what is clipped is told.
+    bright = Yardstick("delta_e", light, mask, 10.0).errors(2.0 * light, mask)
+    assert (bright.mean, bright.clipped) == (0.0, 1.0)
+
+
+def test_srgb_is_encoded() -> None:
+    pytest.importorskip("skimage")
+    shown = encoded(np.array([1.0, 0.5, 0.0]).reshape(3, 1, 1), 1.0)
+    np.testing.assert_allclose(shown[0, 0], [1.0, 0.735357, 0.0], atol=2e-3)
+
+
+def test_relative_differences() -> None:
+    reference = np.array([1.0, 2.0, 0.0]).reshape(1, 1, 3)
+    mask = np.array([[True, True, False]])
+    found = Yardstick("relative", reference, mask, 1.0).differences(1.1 * reference)
+    np.testing.assert_allclose(found, [[0.1, 0.1, 0.0]], atol=1e-12)
+
+
+def test_exposure() -> None:
+    picture = np.linspace(0.0, 4.0, 401).reshape(1, 1, 401)
+    mask = np.ones((1, 401), dtype=bool)
+    assert exposure_factor(Exposure(), picture, mask) == pytest.approx(0.9 / 3.96)
+    assert exposure_factor(Exposure(factor=3.0), picture, mask) == 3.0
+    assert exposure_factor(Exposure(), 0.0 * picture, mask) == 1.0
+
+
+def test_without_the_extra_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "skimage", None)
+    with pytest.raises(SceneError, match=r"pip install 'lobefit\[scene\]'"):
+        Yardstick("delta_e", np.ones((3, 1, 1)), np.ones((1, 1), dtype=bool), 1.0)
+
+
+def cost(median: float, shading: str, points: int, parameters: int, spread: float = 0.0) -> Cost:
+    # The same noise for all would cancel within a round.
+    noise = np.random.default_rng(points + parameters).normal(0.0, 1.0, 25)
+    seconds = median + spread * (noise - np.median(noise))
+    return Cost(seconds, points, parameters, shading)
+
+
+def test_costs_are_ordered_by_time_and_ties_by_work() -> None:
+    clear = [cost(3.0, "flat", 10, 3), cost(1.0, "phong", 900, 9), cost(2.0, "gouraud", 50, 5)]
+    assert order_by_cost(clear) == [1, 2, 0]
+    tied = [
+        cost(1.02, "phong", 900, 3, 0.5),
+        cost(1.01, "phong", 900, 7, 0.5),
+        cost(1.01, "flat", 90, 9, 0.5),
+        cost(1.0, "gouraud", 50, 9, 0.5),
+        cost(9.0, "flat", 1, 1),
+    ]
+    assert order_by_cost(tied) == [2, 3, 0, 1, 4]
+
+
+def test_frames_take_turns() -> None:
+    order: list[int] = []
+
+    def frame(k: int) -> float:
+        order.append(k)
+        return float(k)
+
+    found = take_turns({0: lambda: frame(0), 1: lambda: frame(1)}, 3, 0.0)
+    assert order == [0, 1, 1, 0, 0, 1]
+    np.testing.assert_array_equal(found[1], [1.0, 1.0, 1.0])
