@@ -233,8 +233,7 @@ class FakeService:
         if method == "DELETE":
             if row["state"] in TERMINAL:
                 if request.url.params.get("keep") == "true":
-                    problem = {"type": "/problems/conflict", "detail": "nothing to cancel"}
-                    return answer(409, problem)
+                    return problem(409, "conflict", "nothing to cancel")
                 del self.fits[id]
                 return httpx2.Response(204)
             row["_end"], row["_at"], row["state"] = "cancelled", STEPS, "cancelled"
