@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.correlation import Scans, find_scans
 from lobefit.fitting.diagnostics import regions
+from lobefit.fitting.instrument import Instrument, views
 from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.search import USUAL, SearchSettings
 from lobefit.kernels import Device
 from lobefit.kernels.geometry import Directions, Precision
 from lobefit.kernels.sums import Metric, Observations, transform
+from lobefit.kernels.views import Views
 
 __all__ = ["METRICS", "Dataset"]
 
@@ -44,9 +47,17 @@ class Dataset:
         How residuals are weighed.
     device : Device
         Where the sums are computed.
+    instrument : Instrument, optional
+        What stands between surface and readings.
+    student : bool
+        Whether fits take Student's t instead of a Gaussian.
+    how : SearchSettings
+        How fits look for the valley.
 
     Attributes
     ----------
+    tilt : (float, float)
+        Of the sample, in radians; see `turn`.
     precision : {"single", "double"}
         Of the terms; sums are accumulated in double either way.
     full, search, scan : Observations
@@ -57,8 +68,20 @@ class Dataset:
         positive ones, "cosine_log" for those at or below -1/cos_theta_i).
     """
 
-    def __init__(self, measurement: Measurement, metric: str, device: Device) -> None:
-        self.measurement = m = measurement
+    def __init__(
+        self,
+        measurement: Measurement,
+        metric: str,
+        device: Device,
+        instrument: Instrument | None = None,
+        *,
+        student: bool = False,
+        how: SearchSettings = USUAL,
+    ) -> None:
+        self.measurement, self.how = measurement, how
+        m = measurement
+        self.instrument, self.student = instrument, student
+        self.tilt = (0.0, 0.0)
         self.metric = metric
         self.device = device
         self.precision: Precision = "double" if m.n_directions <= DOUBLE_UP_TO else "single"
@@ -67,6 +90,7 @@ class Dataset:
         self.estimates_noise = METRICS[metric] == "identity" and not self.uses_sigma
         start = self._start_weights()
         uploaded: dict[int, Directions] = {}
+        self._observed: list[tuple[Observations, NDArray[np.intp] | slice]] = []
 
         def observe(
             chosen: NDArray[np.intp] | None, residual_metric: Metric, weights: Array
@@ -75,11 +99,12 @@ class Dataset:
             # A slice, not an index, where it is all of them: no copies of a million rows.
             rows = slice(None) if chosen is None or size == m.n_directions else chosen
             if size not in uploaded:
-                i, o = (m.theta_i[rows], m.phi_i[rows]), (m.theta_o[rows], m.phi_o[rows])
-                uploaded[size] = Directions(device, *i, *o, precision=self.precision)
-            return Observations(
+                uploaded[size] = self._directions(rows)
+            made = Observations(
                 uploaded[size], m.values[:, rows], weights[:, rows], residual_metric
             )
+            self._observed.append((made, rows))
+            return made
 
         own = METRICS[metric]
         ones = start if own == "identity" else np.ones_like(start)
@@ -94,6 +119,37 @@ class Dataset:
         self.present = np.isfinite(m.values) & self.full.directions.visible
         self._started = True
         self._logarithmic: Observations | None = None
+
+    def _directions(self, rows: NDArray[np.intp] | slice) -> Directions:
+        """Upload rows as the instrument sees them."""
+        m = self.measurement
+        angles = (m.theta_i[rows], m.phi_i[rows], m.theta_o[rows], m.phi_o[rows])
+        if self.instrument is None or not self.instrument.bends:
+            return Directions(self.device, *angles, precision=self.precision)
+        seen = views(angles, self.instrument, self.tilt)
+        return Views(self.device, angles, seen, self.precision)
+
+    def turn(self, tilt: tuple[float, float]) -> None:
+        """Tilt the sample by two angles in radians; see `lobefit.fitting.instrument.tilted`."""
+        if tilt == self.tilt:
+            return
+        self.tilt = tilt
+        turned: dict[int, Directions] = {}
+        before = {id(o.directions): o.directions for o, _ in self._observed}
+        for observations, rows in self._observed:
+            key = id(observations.directions)
+            if key not in turned:
+                turned[key] = self._directions(rows)
+            observations.directions = turned[key]
+        if self._logarithmic is not None:
+            self._logarithmic.directions = self.search.directions
+        for old in before.values():
+            old.release()
+
+    @property
+    def extra_parameters(self) -> int:
+        """Numbers that a fit finds beside a candidate's parameters."""
+        return 2 if self.instrument is not None and self.instrument.tilt else 0
 
     @cached_property
     def distinct_directions(self) -> int:

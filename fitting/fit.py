@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,22 @@ from lobefit.fitting.choice import Choice, Contender, choose
 from lobefit.fitting.dataset import METRICS, Dataset
 from lobefit.fitting.diagnostics import by_size, outliers, rmse, worst_regions
 from lobefit.fitting.identifiability import with_identifiability
+from lobefit.fitting.instrument import Instrument
+from lobefit.fitting.instrument_fit import fit_behind
+from lobefit.fitting.instrument_result import (
+    instrument_fit,
+    surface_alone,
+    tilt_rows,
+    without_veil,
+)
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import GROSS, gaussian_deviance
 from lobefit.fitting.plausibility import plausibility
 from lobefit.fitting.point import PointFit, fit_point
 from lobefit.fitting.report import FailedFit, FitReport
 from lobefit.fitting.result import Diagnostics, FitResult, NoiseScales, StopReport
+from lobefit.fitting.robust import student_deviance, student_spread, student_weights
+from lobefit.fitting.search import USUAL, SearchSettings
 from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic
 from lobefit.fitting.uncertainty import estimates
 from lobefit.fitting.verdict import verdict
@@ -52,6 +63,7 @@ class _Judged:
     deviance: float | None
     correlation: float
     z: Array
+    weighted: Array  # the same, less what Student's t takes off outliers
 
     @property
     def spread(self) -> float:
@@ -64,17 +76,23 @@ class _Judged:
 
 def _judge(dataset: Dataset, point: PointFit) -> _Judged:
     residuals, deviance = dataset.residuals(point.values), None
-    if METRICS[dataset.metric] == "identity":
+    if point.nu is not None:
+        deviance = student_deviance(residuals, point.sigma**2, dataset.used, point.nu)
+    elif METRICS[dataset.metric] == "identity":
         deviance = gaussian_deviance(residuals, point.sigma**2, dataset.used)
     residuals /= point.sigma
     residuals[~dataset.used] = np.nan
-    return _Judged(point, deviance, dataset.scans.autocorrelation_time(residuals), residuals)
+    weighted = residuals
+    if point.nu is not None:
+        weighted = residuals * np.sqrt(student_weights(residuals * residuals, point.nu))
+    correlation = dataset.scans.autocorrelation_time(weighted)
+    return _Judged(point, deviance, correlation, residuals, weighted)
 
 
 def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics:
     m, point = dataset.measurement, judged.fit
     sizes = by_size(m.values, point.values, dataset.present)
-    reduced = float(np.nansum(judged.z**2)) / point.dof
+    reduced = float(np.nansum(judged.weighted**2)) / point.dof
     spread = 1.0 + 5.0 * np.sqrt(2.0 / point.dof)
     reason = ""
     if dataset.uses_sigma and reduced > max(spread, 1.2):
@@ -103,7 +121,7 @@ def _diagnostics(dataset: Dataset, judged: _Judged, samples: int) -> Diagnostics
         outliers=outliers(m, judged.z, point.values),
         misfit_limited=bool(reason),
         misfit_reason=reason,
-        worst=worst_regions(dataset.regions, m.values, point.values, judged.z, dataset.used)
+        worst=worst_regions(dataset.regions, m.values, point.values, judged.weighted, dataset.used)
         if reason
         else (),
     )
@@ -120,8 +138,12 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float) -> FitResult:
         # Without a likelihood the scatter is in the sandwich already.
         spread = diagnostics.reduced_chi_square if point.meat is None else samples / point.dof
         scale = spread * judged.correlation
+    if point.nu is not None:
+        scale = student_spread(judged.z[dataset.used], point.nu, point.dof)
+        scale *= 1.0 if dataset.uses_sigma else judged.correlation
     found = estimates(point, m.channels, scale)
-    size = problem.candidate.n_parameters(m.n_channels)
+    size = problem.candidate.n_parameters(m.n_channels) + dataset.extra_parameters
+    instrument = dataset.instrument
     effective = samples / correlation
     return FitResult(
         model=problem.candidate.model.name,
@@ -142,6 +164,7 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float) -> FitResult:
             given=dataset.uses_sigma,
             relative=tuple(float(s) for s in point.relative),
             additive=tuple(float(s) for s in point.additive),
+            nu=point.nu,
         ),
         stop=StopReport(
             algorithm=point.algorithm,
@@ -153,7 +176,10 @@ def _result(dataset: Dataset, judged: _Judged, correlation: float) -> FitResult:
             precision=dataset.precision,
         ),
         diagnostics=diagnostics,
-        plausibility=plausibility(problem, polished.t, polished.c),
+        plausibility=plausibility(problem, polished.t, surface_alone(problem, polished.c)),
+        instrument=None
+        if instrument is None
+        else instrument_fit(instrument, tilt_rows(point, found.tilt_covariance)),
     )
 
 
@@ -164,8 +190,12 @@ def fit(
     metric: str = "auto",
     options: Mapping[str, str] | None = None,
     tolerance: float | None = None,
+    student: bool = False,
+    instrument: Instrument | None = None,
+    search: SearchSettings = USUAL,
     device: str | Device | None = None,
     progress: Progress | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> FitReport:
     """Fit candidate models to a measurement and rank them, the simplest sufficient one first.
 
@@ -191,10 +221,19 @@ def fit(
         Relative error of the predicted radiance that does not matter, such as 0.01: a
         richer model must change predictions by more at some incidence, or the simpler
         one is recommended.
+    student : bool
+        Student's t instead of a Gaussian, for outliers; nu is chosen by its likelihood.
+    instrument : Instrument, optional
+        Tilt, veil, gain and aperture to account for; each result's `instrument` has what
+        was found. Without it readings are those of an ideal instrument.
+    search : SearchSettings
+        How the valleys are found; what is left out is the usual.
     device : str, Device or None
         See `lobefit.kernels.get_device`.
     progress : callable, optional
         Called with (done, total, label) before each candidate and at the end.
+    stop : callable, optional
+        Asked before each candidate once there is a first; True ranks those fitted so far.
 
     Returns
     -------
@@ -205,7 +244,8 @@ def fit(
     MeasurementError
         Too few directions for every candidate.
     FitError
-        No candidate could be fitted, an unknown metric, or a negative tolerance.
+        No candidate could be fitted, an unknown metric, a negative tolerance, or a metric
+        that Student's t or the instrument does not go with.
     ModelError
         An unknown model, set or option.
     DeviceError
@@ -230,22 +270,34 @@ def fit(
         raise FitError(f"metric is one of auto, {', '.join(METRICS)}; not {metric!r}")
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
         raise FitError(f"tolerance is a relative error such as 0.01, not {tolerance!r}")
+    _check_metric(metric, student, instrument)
     wanted = candidates(models)
     is_set = isinstance(models, str) and models in ("quick", "standard", "all")
     if is_set and not measurement.has_azimuthal_evidence:
         wanted = [c for c in wanted if c.isotropic]
     _check_options(wanted, options)
     _check_channels(measurement)
-    dataset = Dataset(measurement, metric, get_device(device))
+    opened = get_device(device)
+    made = partial(Dataset, measurement, metric, opened, instrument, student=student, how=search)
+    datasets = [dataset := made()]
     judged: list[_Judged] = []
     failed: list[FailedFit] = []
     try:
         for done, candidate in enumerate(wanted):
+            if judged and stop is not None and stop():
+                failed += [FailedFit(c.name, "not fitted: stopped before") for c in wanted[done:]]
+                break
             if progress is not None:
                 progress(done, len(wanted), candidate.name)
             try:
                 chosen = candidate.choose(options or {})
-                judged.append(_judge(dataset, fit_point(chosen, dataset)))
+                if instrument is None:
+                    point = fit_point(chosen, dataset)
+                else:
+                    if instrument.tilt:  # each candidate has its own
+                        datasets.append(made())
+                    point = fit_behind(chosen, datasets[-1], instrument)
+                judged.append(_judge(dataset, point))
             except (DeviceError, FitError, MeasurementError, ModelError) as error:
                 failed.append(FailedFit(candidate.name, str(error)))
                 if not judged and candidate is wanted[-1]:
@@ -254,10 +306,12 @@ def fit(
         results = with_identifiability(
             results, {j.fit.problem.candidate.name: j.fit for j in judged}
         )
+        results = [without_veil(r) for r in results]
         if progress is not None:
             progress(len(wanted), len(wanted), "done")
     finally:
-        dataset.release()
+        for used in datasets:
+            used.release()
     best = results[0]
     rms = best.diagnostics.log10_rms
     described = not (best.diagnostics.misfit_limited and (rms is None or rms > DESCRIBED))
@@ -277,9 +331,27 @@ def fit(
             "metric": metric,
             "options": dict(options or {}),
             "tolerance": tolerance,
+            "student": student,
+            "instrument": None if instrument is None else instrument.to_dict(),
+            "search": asdict(search),
             "device": dataset.device.info.id,
         },
     )
+
+
+def _check_metric(metric: str, student: bool, instrument: Instrument | None) -> None:
+    """Raise a `FitError` for what needs a likelihood with a metric that has none."""
+    needs = ["Student's t"] if student else []
+    if instrument is not None:
+        needs += ["a tilt"] if instrument.tilt else []
+        needs += ["a gain"] if instrument.gain is not None else []
+    if needs and METRICS[metric] != "identity":
+        verb = "goes" if len(needs) == 1 else "go"
+        raise FitError(
+            f"{' and '.join(needs)} {verb} with the metric chi2 or relative only, not {metric}"
+        )
+    if metric == "cosine_log" and instrument is not None and instrument.bends:
+        raise FitError("an aperture needs another metric than cosine_log")
 
 
 def _check_channels(m: Measurement) -> None:

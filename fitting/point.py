@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import METRICS, Dataset
+from lobefit.fitting.instrument_nuisance import Nuisance
 from lobefit.fitting.noise import level, variance
 from lobefit.fitting.polish import Polished, polish, sums_at
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.reweigh import Weighed, fit_with_noise
+from lobefit.fitting.robust import fit_robustly, student_weights
 from lobefit.fitting.valley import descend, starts
 from lobefit.kernels import Candidate, FitError, MeasurementError
 
@@ -44,6 +46,10 @@ class PointFit:
         Degrees of freedom.
     algorithm, reason : str
     seconds : float
+    nu : float or None
+        Degrees of freedom of Student's t, whose scale is sigma; None for a Gaussian.
+    nuisance : Nuisance or None
+        What is not known of the instrument.
     """
 
     problem: Problem
@@ -57,6 +63,17 @@ class PointFit:
     algorithm: str
     reason: str
     seconds: float
+    nu: float | None = None
+    nuisance: Nuisance | None = None
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the squared residuals of a metric with a likelihood, shape (C, N)."""
+        v = self.sigma**2
+        if self.nu is None:
+            return np.asarray(1.0 / v)
+        r = self.problem.dataset.measurement.values - self.values
+        return student_weights(r * r / v, self.nu) / v
 
 
 def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
@@ -83,7 +100,7 @@ def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
     began = time.perf_counter()
     problem = Problem(candidate, dataset)
     channels = dataset.measurement.n_channels
-    n_parameters = candidate.n_parameters(channels)
+    n_parameters = candidate.n_parameters(channels) + dataset.extra_parameters
     samples = int(dataset.used.sum())
     dof = samples - n_parameters
     _check_enough(candidate, dataset, n_parameters)
@@ -92,7 +109,8 @@ def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
     if not valleys:
         raise FitError(f"{candidate.name}: no point of the start scan gives finite residuals")
     scanned = problem.evaluations
-    runs = [descend(problem, dataset.search, t, c) for t, c in valleys]
+    begun = valleys[:1] if dataset.how.is_global else valleys
+    runs = [descend(problem, dataset.search, t, c) for t, c in begun]
     found, c = min(runs, key=lambda run: run[0].value)
     if not np.isfinite(found.value):
         raise FitError(f"{candidate.name}: {found.reason}")
@@ -103,7 +121,11 @@ def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
         f"NLopt {found.algorithm} from {len(runs)} starts",
         "Gauss-Newton",
     ]
-    if dataset.estimates_noise:
+    if dataset.student:
+        weighed = fit_robustly(problem, polished, n_parameters, dof)
+        polished = weighed.polished
+        algorithm.append("Student's t by reweighing")
+    elif dataset.estimates_noise:
         weighed = fit_with_noise(problem, polished, n_parameters, dof)
         polished = weighed.polished
         algorithm.append("noise and fit in turn")
@@ -124,6 +146,7 @@ def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
         algorithm=", ".join(algorithm if len(found.point) else algorithm[2:]),
         reason=f"{polished.reason} (NLopt: {found.reason})",
         seconds=time.perf_counter() - began,
+        nu=weighed.nu,
     )
 
 

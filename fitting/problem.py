@@ -62,8 +62,10 @@ class Problem:
         self.dataset = dataset
         self.program = model_program(candidate.model)
         self.linear = coordinates(candidate)
-        self.own = SearchScale(candidate.own, MAX_OWN_NODES)
-        self.scale = SearchScale(candidate.shared, MAX_NODES * 4 // len(self.own.nodes()))
+        density = dataset.how.scan_density
+        most = max(round(4 * MAX_NODES * density), 1)
+        self.own = SearchScale(candidate.own, MAX_OWN_NODES, density)
+        self.scale = SearchScale(candidate.shared, most // len(self.own.nodes()), density)
         self.coordinates = beside(self.linear, self.own.low, self.own.high)
         self.evaluations = 0
         # An angle has no bounds that its formula would end at.
@@ -219,6 +221,18 @@ class Problem:
             return float(value.sum() + np.sum(change * (bent - 2.0 * rhs))), new
         best, kept = self.settle(data, t, c)
         return float(best.sum()), kept
+
+    def gradient(self, data: Observations, t: Array, c: Array) -> Array:
+        """Give the derivatives along t of what `project` gives, shape (n,).
+
+        At the best rows the objective does not change with them to first order, nor does it
+        where a bound holds them (the envelope theorem; Golub & Pereyra 1973).
+        """
+        c = self.project(data, t, c)[1]
+        sums = self.sums(data, t, c, derivatives=True)
+        L = self.column_map(t, c)[:, : len(t), : sums.rhs.shape[2]]
+        downhill: Array = -2.0 * np.einsum("cam,cm->a", L, sums.rhs[0])
+        return downhill
 
     def settle(self, data: Observations, t: Array, c: Array) -> tuple[Array, Array]:
         """Gauss-Newton on each channel's row at one t; returns the objectives (C,) too."""

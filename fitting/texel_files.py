@@ -20,7 +20,8 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,19 @@ from lobefit.fitting.lobes import write_exr
 from lobefit.fitting.texel_result import Reason, Status, TexelFit
 from lobefit.kernels import LobefitError, MeasurementError
 
-__all__ = ["SCHEMA", "load_texels", "save_chunks", "save_exr", "save_npz"]
+__all__ = ["SCHEMA", "TexelFolder", "load_texels", "save_chunks", "save_exr", "save_npz"]
 
 SCHEMA = "lobefit.texels/1"
 PLAIN = ("model", "rmse", "scatter", "bic", "status", "reason")
 ABOUT = "about"
+# In a folder: what says that all is there, and the same while chunks are missing.
+WHOLE, PART = "about.json", "about.part"
+# Of texels without a result; everything else is NaN.
+BLANK: Mapping[str, int] = {
+    "model": -1,
+    "status": int(Status.FAILED),
+    "reason": int(Reason.CRASHED),
+}
 
 
 def _arrays(fit: TexelFit) -> dict[str, NDArray[Any]]:
@@ -105,6 +114,99 @@ def save_npz(fit: TexelFit, path: str | os.PathLike[str]) -> None:
         raise LobefitError(f"cannot write {path}: {error.strerror or error}") from error
 
 
+class TexelFolder:
+    """Fits of texels on disk: a ``.npy`` for each array, filled in place in any order.
+
+    Parameters
+    ----------
+    folder : path-like
+        Made if it does not exist; what an earlier run filled stays.
+    total : int
+        Texels in all.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], total: int) -> None:
+        self.place, self.total = Path(folder), total
+
+    def write(self, first: int, part: TexelFit) -> None:
+        """Fill in a chunk; writing it again changes nothing.
+
+        Parameters
+        ----------
+        first : int
+            The chunk's first texel.
+        part : TexelFit
+            Its results.
+
+        Raises
+        ------
+        LobefitError
+            The folder cannot be written to.
+        """
+        with self._telling():
+            self.place.mkdir(parents=True, exist_ok=True)
+            if (self.place / WHOLE).exists():
+                (self.place / WHOLE).replace(self.place / PART)
+            for name, rows in _arrays(part).items():
+                stored = self._array(name, rows)
+                stored[first : first + len(rows)] = rows
+                # Unmapped at once, so that memory does not grow with what is written.
+                del stored
+            if not (self.place / PART).exists():
+                text = json.dumps(_about(part), indent=2, sort_keys=True) + "\n"
+                _replace(self.place / PART, text)
+
+    def sync(self) -> None:
+        """Wait until what was written is on the disk."""
+        with self._telling():
+            for path in (*self.place.glob("*.npy"), *self.place.glob("about.*")):
+                with path.open("rb") as file:
+                    os.fsync(file.fileno())
+
+    def blank(self, texels: Iterable[int]) -> None:
+        """Mark texels that no chunk came back with as failed; needs one that did."""
+        with self._telling():
+            for path in self.place.glob("*.npy"):
+                stored = np.load(path, mmap_mode="r+")
+                for texel in texels:
+                    stored[texel] = BLANK.get(path.stem, np.nan)
+                stored.flush()
+                del stored
+
+    def finish(self) -> None:
+        """Say that all is there: `load_texels` reads the folder from now on."""
+        with self._telling():
+            if not (self.place / WHOLE).exists():
+                (self.place / PART).replace(self.place / WHOLE)
+
+    def _array(self, name: str, rows: NDArray[Any]) -> np.memmap[Any, Any]:
+        path = self.place / f"{name}.npy"
+        shape = (self.total, *rows.shape[1:])
+        if path.exists():
+            stored: np.memmap[Any, Any] = np.load(path, mmap_mode="r+")
+            if stored.shape == shape and stored.dtype == rows.dtype:
+                return stored
+        # An array appears under its name when it has its size.
+        new: np.memmap[Any, Any] = np.lib.format.open_memmap(
+            path.with_suffix(".new"), "w+", rows.dtype, shape
+        )
+        path.with_suffix(".new").replace(path)
+        return new
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or error
+            raise LobefitError(f"cannot write to {self.place}: {reason}") from error
+
+
+def _replace(path: Path, text: str) -> None:
+    path.with_suffix(".new").write_text(text, encoding="utf-8")
+    path.with_suffix(".new").replace(path)
+
+
 def save_chunks(
     chunks: Iterable[tuple[int, TexelFit]], total: int, folder: str | os.PathLike[str]
 ) -> Path:
@@ -129,32 +231,17 @@ def save_chunks(
     LobefitError
         The folder cannot be written to, or chunks are missing at the end.
     """
-    place = Path(folder)
-    done, about = 0, None
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-        (place / "about.json").unlink(missing_ok=True)
-        for first, part in chunks:
-            for name, rows in _arrays(part).items():
-                path = place / f"{name}.npy"
-                if about is None:
-                    shape = (total, *rows.shape[1:])
-                    stored = np.lib.format.open_memmap(path, "w+", rows.dtype, shape)
-                else:
-                    stored = np.load(path, mmap_mode="r+")
-                stored[first : first + len(rows)] = rows
-                stored.flush()
-                # Unmapped at once, so that memory does not grow with what is written.
-                del stored
-            about = _about(part)
-            done += len(part)
-        if about is None or done != total:
-            raise LobefitError(f"{done} of {total} texels came; {place} is not complete")
-        text = json.dumps(about, indent=2, sort_keys=True) + "\n"
-        (place / "about.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise LobefitError(f"cannot write to {place}: {error.strerror or error}") from error
-    return place
+    stored = TexelFolder(folder, total)
+    for name in (WHOLE, PART):
+        (stored.place / name).unlink(missing_ok=True)
+    done = 0
+    for first, part in chunks:
+        stored.write(first, part)
+        done += len(part)
+    if done != total:
+        raise LobefitError(f"{done} of {total} texels came; {stored.place} is not complete")
+    stored.finish()
+    return stored.place
 
 
 def load_texels(path: str | os.PathLike[str]) -> TexelFit:
@@ -168,7 +255,7 @@ def load_texels(path: str | os.PathLike[str]) -> TexelFit:
     place = Path(path)
     try:
         if place.is_dir():
-            about = json.loads((place / "about.json").read_text(encoding="utf-8"))
+            about = json.loads((place / WHOLE).read_text(encoding="utf-8"))
             found = {p.stem: np.load(p, mmap_mode="r") for p in sorted(place.glob("*.npy"))}
             return _assemble(about, found)
         with np.load(place, allow_pickle=False) as stored:

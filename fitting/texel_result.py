@@ -46,6 +46,8 @@ class Reason(enum.IntEnum):
     """No reading is above zero."""
     NOT_FINITE = 5
     """Every model ended in numbers that are none."""
+    CRASHED = 6
+    """The process that worked on it died every time, or its chunk raised an error."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -119,7 +119,23 @@ def fit_texel_chunks(
     """
     source = _source(values)
     angles = direction_angles(directions)
-    texels, n, channels = source.shape
+    check_shapes(angles, source.shape)
+    channels = source.shape[2]
+    wanted = eligible(models, channels, options)
+    settings = {
+        "models": models if isinstance(models, str) else list(models),
+        "noise": noise if isinstance(noise, str) else list(noise),
+        "options": dict(options or {}),
+        "precision": precision,
+    }
+    with chunk_fitter(angles, wanted, channels, noise, precision, device, settings) as fitter:
+        for first, block in source.chunks(max(int(chunk), 1)):
+            yield first, fitter.fit(block)
+
+
+def check_shapes(angles: np.ndarray[Any, Any], shape: tuple[int, int, int]) -> None:
+    """Raise a `MeasurementError` for directions (4, N) and values (T, N, C) that do not agree."""
+    texels, n, channels = shape
     if n != angles.shape[1]:
         raise MeasurementError(
             f"there are {angles.shape[1]} directions and {n} readings per texel",
@@ -131,16 +147,6 @@ def fit_texel_chunks(
         )
     if not texels:
         raise MeasurementError("there is no texel", expected="values of shape (T, N, C)")
-    wanted = eligible(models, channels, options)
-    settings = {
-        "models": models if isinstance(models, str) else list(models),
-        "noise": noise if isinstance(noise, str) else list(noise),
-        "options": dict(options or {}),
-        "precision": precision,
-    }
-    with chunk_fitter(angles, wanted, channels, noise, precision, device, settings) as fitter:
-        for first, block in source.chunks(max(int(chunk), 1)):
-            yield first, fitter.fit(block)
 
 
 @contextmanager

@@ -76,5 +76,17 @@ def descend(problem: Problem, data: Observations, t: Array, c: Array) -> tuple[F
         value, c = problem.project(data, t, best)
         return Found(t, value, "none", _why_none(problem), 1), c
     scale = problem.scale
-    found = minimise(objective, t, scale.low, scale.high, 0.5 * scale.spacing)
+    how = problem.dataset.how
+    found = minimise(
+        objective,
+        t,
+        scale.low,
+        scale.high,
+        0.5 * scale.spacing,
+        xtol=how.tolerance,
+        ftol_rel=how.tolerance / 20.0,
+        max_evaluations=how.max_evaluations,
+        settings=how,
+        gradient=lambda at: problem.gradient(data, at, best),
+    )
     return found, best

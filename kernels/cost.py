@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.kernels.device import Device, get_device
-from lobefit.kernels.geometry import Directions
+from lobefit.kernels.geometry import Directions, Precision
 from lobefit.kernels.library import Parameter
 from lobefit.kernels.parameters import coefficients_of, complete
 from lobefit.kernels.program import model_program
@@ -61,7 +61,7 @@ class Workload:
 
     Directions are uniform in solid angle down to 80 degrees. The nonlinear parameters spread over
     the middle half of their ranges, the linear ones have their defaults, and every measured value
-    is `VALUE` with weight 1. Calling it sums the squared residuals, in single precision.
+    is `VALUE` with weight 1. Calling it sums the squared residuals.
 
     Parameters
     ----------
@@ -71,6 +71,8 @@ class Workload:
         Choices that it is compiled with.
     device : str, Device or None
         See `lobefit.kernels.get_device`.
+    precision : {"single", "double"}
+        Of the terms.
 
     Attributes
     ----------
@@ -92,6 +94,7 @@ class Workload:
         *,
         options: Mapping[str, str] | None = None,
         device: str | Device | None = None,
+        precision: Precision = "single",
     ) -> None:
         self.model = (model if isinstance(model, Model) else get_model(model)).choose(options)
         rng = np.random.default_rng(20)
@@ -107,7 +110,7 @@ class Workload:
         self._program = model_program(self.model)
         opened = get_device(device)
         self.device = str(opened.info)
-        self._directions = Directions(opened, *self.angles, "single")
+        self._directions = Directions(opened, *self.angles, precision)
         try:
             values = np.full((1, DIRECTIONS), self.VALUE)
             self._observations = Observations(self._directions, values, np.ones_like(values))

@@ -1,7 +1,8 @@
-"""The command line: fit, sample, check, export, models, devices and simulate.
+"""The command line: every command of ``lobefit``, and what they share.
 
 Answers go to standard output, progress and complaints to standard error. Exit status: 0 if all
-went well, 2 for bad input (one line says what and where), 130 when interrupted.
+went well, 2 for bad input (one line says what and where), 3 where a batch went on without
+some of its items, 130 when interrupted.
 Imports that take time are inside the commands, so that ``lobefit --help`` is quick.
 """
 
@@ -18,9 +19,13 @@ import typer
 from typer.core import TyperGroup
 
 from lobefit import __version__
+from lobefit.service.batch import batch, texels
+from lobefit.service.chart import chart
 from lobefit.service.check import check
 from lobefit.service.export import export
 from lobefit.service.sample import posterior_lines, sample, sampled
+from lobefit.service.scene import scene
+from lobefit.service.serve import serve, token
 
 __all__ = ["app", "main"]
 
@@ -106,6 +111,26 @@ def fit(
         float | None,
         typer.Option(help="Relative error of radiance that does not matter, as 0.01."),
     ] = None,
+    student: Annotated[
+        bool, typer.Option("--student", help="Student's t instead of a Gaussian, for outliers.")
+    ] = False,
+    tilt: Annotated[
+        bool, typer.Option("--tilt", help="Fit the tilt of the sample, two angles.")
+    ] = False,
+    veil: Annotated[
+        bool, typer.Option("--veil", help="Fit a constant part of the signal in each channel.")
+    ] = False,
+    gain: Annotated[
+        float | None,
+        typer.Option(help="Relative uncertainty of each channel's calibration, as 0.02."),
+    ] = None,
+    aperture: Annotated[
+        float | None, typer.Option(help="Full angle of the detector's aperture, in degrees.")
+    ] = None,
+    radiance: Annotated[
+        bool,
+        typer.Option("--radiance", help="The signal goes with f cos(theta_i), not cos(theta_o)."),
+    ] = False,
     posterior: Annotated[
         bool, typer.Option("--posterior", help="Sample the posterior of the best model too.")
     ] = False,
@@ -127,6 +152,7 @@ def fit(
     from lobefit.fitting import fit as fit_models
     from lobefit.fitting import read_measurement
     from lobefit.fitting.document import to_json
+    from lobefit.fitting.instrument import Instrument
     from lobefit.kernels.errors import LobefitError
     from lobefit.service.texts import measurement_lines, result_lines, wrapped
 
@@ -136,6 +162,17 @@ def fit(
     if max_theta is not None:
         measurement = measurement.within(math.radians(max_theta))
     digest = _sha256(file)
+    instrument = None
+    if tilt or veil or gain is not None or aperture is not None:
+        instrument = Instrument(
+            tilt=tilt,
+            veil=veil,
+            gain=gain,
+            aperture_deg=aperture,
+            reading="radiance" if radiance else "flux",
+        )
+        if posterior:
+            raise LobefitError("--posterior accounts for no --tilt, --veil, --gain or --aperture")
     with _progress() as progress:
         report = fit_models(
             measurement,
@@ -143,6 +180,8 @@ def fit(
             metric=metric,
             options=dict(_settings(option, "--option")),
             tolerance=tolerance,
+            student=student,
+            instrument=instrument,
             device=device,
             progress=progress,
         )
@@ -167,9 +206,15 @@ def fit(
         typer.echo(f"\nWritten to {out}: {names}")
 
 
+app.command()(batch)
+app.command()(texels)
+app.command()(chart)
 app.command()(check)
 app.command()(export)
 app.command()(sample)
+app.command()(scene)
+app.command()(serve)
+app.command()(token)
 
 
 @app.command()

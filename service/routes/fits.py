@@ -169,7 +169,9 @@ def _read(path: Path) -> bytes:
 async def deleted(
     shared: SharedState,
     id: Id,
-    keep: Annotated[bool, Query(description="Cancel only: one that has ended is refused (409).")] = False,
+    keep: Annotated[
+        bool, Query(description="Cancel only: one that has ended is refused (409).")
+    ] = False,
 ) -> Response:
     """Cancel a fit that waits or runs; delete one that has ended, with its files."""
     row = fit_row(shared.store, id)
