@@ -92,8 +92,11 @@ def test_double_agrees_at_awkward_directions(name: str, data: st.DataObject) -> 
     params = data.draw(legal_params(models()[name]))
     expected = reference(name, params, AWKWARD)
     # At 89.9999 degrees |H| may be 3e-6, so that its rounding of 1e-16 becomes 3e-11 of a
-    # slope: the narrowest lobe sees 3e-7 of its width.
-    np.testing.assert_allclose(values(name, params, AWKWARD), expected, rtol=1e-6, atol=1e-12)
+    # slope: the narrowest lobe sees 3e-7 of its width. Beside its edge a lobe is rounded as its
+    # peak is: Phong's (r.o) is right to 1e-16 of 1, and 1/cos_theta_i there is 6e5.
+    rounding = 1e-15 * float(expected.max())
+    found = values(name, params, AWKWARD)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12 + rounding)
 
 
 @every_model
