@@ -110,7 +110,7 @@ def _least(chains: Array) -> float:
 
 def _nuts(density: Density, near: Laplace, warm_up: int, draws: int) -> dict[str, Any]:
     import jax
-    from numpyro.infer import MCMC, NUTS  # type: ignore[import-untyped,unused-ignore]
+    from numpyro.infer import MCMC, NUTS
 
     log_density = _log_density(density.space, density.measurement)
     rng = np.random.default_rng(2)
@@ -165,7 +165,7 @@ def run(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
     # Before jax is imported: as many devices as chains.
     os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={CHAINS}")
     os.environ.setdefault("JAX_ENABLE_X64", "1")
-    import numpyro  # type: ignore[import-untyped,unused-ignore] # noqa: F401
+    import numpyro  # noqa: F401
 
     return {"sizes": {str(n): _run_size(n) for n in sizes}}
 
