@@ -75,8 +75,8 @@ def run(texels: int, workers: list[int], rounds: int) -> dict[str, Any]:
                     "import json; from benchmarks.batch_speed import child; "
                     f"print(json.dumps(child({str(path)!r}, {str(out)!r}, {n})))"
                 )
-                # Without workers, one thread as a worker has.
-                threads = {} if n else {"POCL_MAX_PTHREAD_COUNT": "1"}
+                # One thread each: a single worker would else have all cores.
+                threads = {"POCL_MAX_PTHREAD_COUNT": "1", "OPENBLAS_NUM_THREADS": "1"}
                 done = subprocess.run(
                     [sys.executable, "-c", code],
                     env={**os.environ, **threads},

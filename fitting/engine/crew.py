@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
@@ -13,7 +13,7 @@ from concurrent.futures import (
     Future,
     ProcessPoolExecutor,
 )
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any, Literal
 
 from lobefit.fitting.engine.errors import EngineError
@@ -22,6 +22,9 @@ from lobefit.fitting.engine.worker import prepare, release
 __all__ = ["Crew", "DaskCrew", "PoolCrew", "open_crew"]
 
 Fate = Literal["died", "lost", "broken"]
+# Sums that BLAS shares among threads depend on their number in the last digit; Dask gives its
+# workers one, and so do we.
+BLAS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # Seconds that a scheduler may take to answer.
 ANSWER = 5.0
 
@@ -88,8 +91,28 @@ def pool_of(kind: str, jobs: int) -> Executor:
         return ProcessPoolExecutor(jobs, fresh, initializer=prepare, initargs=told)
     import loky
 
-    pool: Executor = loky.ProcessPoolExecutor(jobs, initializer=prepare, initargs=told)
+    pool: Executor = loky.ProcessPoolExecutor(
+        jobs, initializer=prepare, initargs=told, env=dict.fromkeys(BLAS, "1")
+    )
     return pool
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Let processes that are started meanwhile use one thread for linear algebra.
+
+    It must be said before they load numpy, which a program's main module may do at once.
+    """
+    before = {name: os.environ.get(name) for name in BLAS}
+    os.environ.update(dict.fromkeys(BLAS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 class PoolCrew(Crew):
@@ -116,7 +139,8 @@ class PoolCrew(Crew):
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Hand over a task; a pool that broke in between is found out by the future."""
         try:
-            return self._pool.submit(task, *arguments)
+            with one_thread_each():  # the first task starts the processes
+                return self._pool.submit(task, *arguments)
         except BrokenExecutor as error:
             failed: Future[Any] = Future()
             failed.set_exception(error)

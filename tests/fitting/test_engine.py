@@ -233,18 +233,19 @@ def test_a_second_driver_is_refused(tmp_path: Path) -> None:
             Ledger(tmp_path / "ledger.sqlite")
 
 
-def test_a_worker_shares_the_cores_and_leaves_interrupts_to_the_driver() -> None:
+@pools
+def test_a_worker_shares_the_cores_and_leaves_interrupts_to_the_driver(kind: str) -> None:
     """Of a pool as large as the machine each worker gets one thread of PoCL's."""
-    crew = PoolCrew(os.cpu_count() or 1)
+    crew = PoolCrew(os.cpu_count() or 1, kind)
     try:
-        assert crew.submit(_environment).result() == ("1", True)
+        assert crew.submit(_environment).result() == ("1", "1", True)
     finally:
         crew.close()
 
 
-def _environment() -> tuple[str | None, bool]:
+def _environment() -> tuple[str | None, str | None, bool]:
     ignored = signal.getsignal(signal.SIGINT) == signal.SIG_IGN
-    return os.environ.get(THREADS), ignored
+    return os.environ.get(THREADS), os.environ.get("OPENBLAS_NUM_THREADS"), ignored
 
 
 def test_what_is_opened_is_kept_until_other_work_comes(tmp_path: Path) -> None:
