@@ -11,6 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lobefit.service.options import (
+    Choices,
+    Device,
+    MaxTheta,
+    Models,
+    Student,
+    Tolerance,
+    pair,
+    settings,
+)
+from lobefit.service.terminal import bar
+
 if TYPE_CHECKING:  # importing it loads the fitting, which --help need not wait for
     from lobefit.fitting.engine import Status
 
@@ -28,13 +40,6 @@ Scheduler = Annotated[
 ]
 Retry = Annotated[bool, typer.Option("--retry", help="Try again what failed before.")]
 Patience = Annotated[float, typer.Option(help="Seconds to wait for workers when there is none.")]
-Device = Annotated[
-    str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-]
-Option = Annotated[
-    list[str] | None,
-    typer.Option(help="A choice for every model that has it, as fresnel=f82; repeatable."),
-]
 
 
 def batch(
@@ -46,23 +51,12 @@ def batch(
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for reports, table and picture.")],
-    models: Annotated[
-        str,
-        typer.Option(help="quick, standard, all, or candidates such as ggx,ggx:conductor,ggx+ggx."),
-    ] = "standard",
+    models: Models = "standard",
     metric: Annotated[str, typer.Option(help="How to weigh residuals; see `fit`.")] = "auto",
-    max_theta: Annotated[
-        float | None,
-        typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
-    ] = None,
-    option: Option = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(help="Relative error of radiance that does not matter, as 0.01."),
-    ] = None,
-    student: Annotated[
-        bool, typer.Option("--student", help="Student's t instead of a Gaussian, for outliers.")
-    ] = False,
+    max_theta: MaxTheta = None,
+    option: Choices = None,
+    tolerance: Tolerance = None,
+    student: Student = False,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     retry: Retry = False,
@@ -84,7 +78,7 @@ def batch(
             out,
             models,
             metric=metric,
-            options=_pairs(option),
+            options=dict(settings(option)),
             tolerance=tolerance,
             student=student,
             max_theta=max_theta,
@@ -118,7 +112,7 @@ def texels(
     noise: Annotated[
         str, typer.Option(help="relative, constant, or RELATIVE,ADDITIVE with the latter in 1/sr.")
     ] = "relative",
-    option: Option = None,
+    option: Choices = None,
     image: Annotated[
         str | None, typer.Option(help="HEIGHTxWIDTH: write maps.exr too, of so many texels.")
     ] = None,
@@ -150,7 +144,7 @@ def texels(
             array=array,
             directions=None if directions is None else _angles(directions),
             noise=_noise(noise),
-            options=_pairs(option),
+            options=dict(settings(option)),
             jobs=jobs,
             scheduler=scheduler,
             shares_disk=shared_disk,
@@ -194,22 +188,18 @@ def _watching(what: str) -> Iterator[Callable[[Status], None]]:
     if not sys.stderr.isatty():
         yield _lines(what)
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
+    with bar() as shown:
+        task = shown.add_task(what, total=None)
 
         def show(status: Status) -> None:
-            bar.update(
+            shown.update(
                 task,
                 completed=status.done,
                 total=status.total,
                 description=f"{what}, {_rest(status)}",
             )
             if status.message:
-                bar.console.print(status.message, markup=False, highlight=False)
+                shown.console.print(status.message, markup=False, highlight=False)
 
         yield show
 
@@ -240,25 +230,8 @@ def _rest(status: Status) -> str:
     return ", ".join(parts)
 
 
-def _pairs(texts: list[str] | None) -> dict[str, str]:
-    found = {}
-    for text in texts or ():
-        key, equals, value = text.partition("=")
-        if not (key and equals and value):
-            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--option")
-        found[key.strip()] = value.strip()
-    return found
-
-
 def _noise(text: str) -> str | tuple[float, float]:
-    if "," not in text:
-        return text
-    try:
-        relative, additive = (float(part) for part in text.split(","))
-    except ValueError:
-        message = f"{text!r} is not RELATIVE,ADDITIVE"
-        raise typer.BadParameter(message, param_hint="--noise") from None
-    return relative, additive
+    return pair(text) if "," in text else text
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
-import math
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from lobefit.service.options import (
+    AsJson,
+    Device,
+    MaxTheta,
+    Params,
+    measured,
+    out_folder,
+    pair,
+    parameters,
+)
+from lobefit.service.terminal import status_line, tell_written
 
+if TYPE_CHECKING:
     from lobefit.fitting.tradeoff import Chart
     from lobefit.fitting.tradeoff_subject import Subject
 
@@ -35,14 +42,8 @@ def chart(
     repeats: Annotated[int, typer.Option(help="Timed runs of each choice.")] = 5,
     models: Annotated[str, typer.Option(help="A set or candidates, as for `fit`.")] = "all",
     metric: Annotated[str, typer.Option(help="The usual metric, as for `fit`.")] = "auto",
-    max_theta: Annotated[
-        float | None,
-        typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
-    ] = None,
-    param: Annotated[
-        list[str] | None,
-        typer.Option(help="A model's parameter, as alpha=0.3 or F0=0.9,0.6,0.5; repeatable."),
-    ] = None,
+    max_theta: MaxTheta = None,
+    param: Params = None,
     geometry: Annotated[
         str, typer.Option(help="With a model: where it is measured, as for `simulate`.")
     ] = "in-plane",
@@ -54,24 +55,18 @@ def chart(
         Path | None,
         typer.Option(help="A chart.json of another run: say whether the fronts agree."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the chart as one JSON document.")
-    ] = False,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    as_json: AsJson = False,
+    device: Device = None,
 ) -> None:
     """Chart speed against accuracy: what each choice costs, and how far off it is."""
     from lobefit.fitting.document import to_json
     from lobefit.fitting.tradeoff import chart as measure
     from lobefit.fitting.tradeoff_compare import compare as compared
-    from lobefit.kernels.errors import LobefitError
 
-    if out is not None and out.exists() and not out.is_dir():
-        raise LobefitError(f"--out {out} is a file; name a folder")
+    out_folder(out)
     other = None if compare is None else read_chart(compare)
     about = _subject(subject, param, geometry, noise, seed, max_theta, device)
-    with _line() as tell:
+    with status_line("measuring") as show:
         made = measure(
             about,
             models=models,
@@ -81,7 +76,9 @@ def chart(
             repeats=repeats,
             seed=seed,
             device=device,
-            progress=tell,
+            progress=None
+            if show is None
+            else lambda done, total, label: show(f"{label} ({done + 1} of {total})"),
         )
     agreements = [] if other is None else compared(other, made)
     written = {} if out is None else made.save(out)
@@ -99,9 +96,7 @@ def chart(
         typer.echo(f"\nBeside {compare}: {agreement}")
         for sentence in agreement.disputed:
             typer.echo(f"  {sentence}")
-    if written:
-        names = ", ".join(path.name for path in written.values())
-        typer.echo(f"\nWritten to {out}: {names}")
+    tell_written(out, written.values())
 
 
 def read_chart(path: Path) -> Chart:
@@ -168,7 +163,6 @@ def _subject(
     max_theta: float | None,
     device: str | None,
 ) -> Subject:
-    from lobefit.fitting import read_measurement
     from lobefit.fitting.tradeoff_subject import held_out, simulated
     from lobefit.kernels import models
     from lobefit.kernels.errors import LobefitError
@@ -178,46 +172,12 @@ def _subject(
     if param or (is_model and not file.exists()):
         if max_theta is not None:
             raise LobefitError("--max-theta is for a file; --geometry says how far a model is seen")
-        try:
-            relative, additive = (float(part) for part in noise.split(","))
-        except ValueError:
-            raise LobefitError(f"--noise {noise!r} is not RELATIVE,ADDITIVE") from None
         return simulated(
             name,
-            _parameters(param or []),
+            parameters(param),
             geometry=geometry,
-            noise=(relative, additive),
+            noise=pair(noise),
             seed=seed,
             device=device,
         )
-    measurement = read_measurement(file)
-    if max_theta is not None:
-        measurement = measurement.within(math.radians(max_theta))
-    return held_out(measurement)
-
-
-def _parameters(texts: list[str]) -> dict[str, float | list[float]]:
-    from lobefit.kernels.errors import LobefitError
-
-    found: dict[str, float | list[float]] = {}
-    for text in texts:
-        name, _, numbers = text.partition("=")
-        try:
-            values = [float(part) for part in numbers.split(",")]
-        except ValueError:
-            raise LobefitError(f"--param {text!r} is not NAME=NUMBER") from None
-        found[name.strip()] = values[0] if len(values) == 1 else values
-    return found
-
-
-@contextmanager
-def _line() -> Iterator[Callable[[int, int, str], None] | None]:
-    """Keep one line of standard error up to date; nothing where nobody watches."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.status import Status
-
-    with Status("measuring", console=Console(stderr=True)) as status:
-        yield lambda done, total, label: status.update(f"{label} ({done + 1} of {total})")
+    return held_out(measured(file, max_theta))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
+
+from lobefit.service.options import AsJson, Device, MeasurementFile
 
 if TYPE_CHECKING:  # importing it loads the fitting, which --help need not wait for
     from lobefit.fitting import DataChecks
@@ -16,13 +17,9 @@ __all__ = ["check", "check_lines"]
 
 
 def check(
-    file: Annotated[Path, typer.Argument(help="Measurement: a CSV, .csv.gz or MERL .binary.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the findings as one JSON document.")
-    ] = False,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    file: MeasurementFile,
+    as_json: AsJson = False,
+    device: Device = None,
 ) -> None:
     """Ask whether a measurement can be what it is declared to be.
 

@@ -8,10 +8,7 @@ Imports that take time are inside the commands, so that ``lobefit --help`` is qu
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,13 +20,28 @@ from lobefit.service.batch import batch, texels
 from lobefit.service.chart import chart
 from lobefit.service.check import check
 from lobefit.service.export import export
+from lobefit.service.options import (
+    AsJson,
+    Choices,
+    Device,
+    MaxTheta,
+    MeasurementFile,
+    Models,
+    Params,
+    Student,
+    Tolerance,
+    measured,
+    out_folder,
+    pair,
+    parameters,
+    settings,
+)
 from lobefit.service.sample import posterior_lines, sample, sampled
 from lobefit.service.scene import scene
 from lobefit.service.serve import serve, token
+from lobefit.service.terminal import counted, tell_written
 
 __all__ = ["app", "main"]
-
-Progress = Callable[[int, int, str], None]
 
 
 class _Commands(TyperGroup):
@@ -88,32 +100,18 @@ def _options(
 
 @app.command()
 def fit(
-    file: Annotated[Path, typer.Argument(help="Measurement: a CSV, .csv.gz or MERL .binary.")],
-    models: Annotated[
-        str,
-        typer.Option(help="quick, standard, all, or candidates such as ggx,ggx:conductor,ggx+ggx."),
-    ] = "standard",
+    file: MeasurementFile,
+    models: Models = "standard",
     metric: Annotated[
         str,
         typer.Option(
             help="How to weigh residuals: auto, chi2, relative, log, cube_root, cosine_log."
         ),
     ] = "auto",
-    max_theta: Annotated[
-        float | None,
-        typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="A choice for every model that has it, as fresnel=f82; repeatable."),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(help="Relative error of radiance that does not matter, as 0.01."),
-    ] = None,
-    student: Annotated[
-        bool, typer.Option("--student", help="Student's t instead of a Gaussian, for outliers.")
-    ] = False,
+    max_theta: MaxTheta = None,
+    option: Choices = None,
+    tolerance: Tolerance = None,
+    student: Student = False,
     tilt: Annotated[
         bool, typer.Option("--tilt", help="Fit the tilt of the sample, two angles.")
     ] = False,
@@ -139,28 +137,20 @@ def fit(
         Path | None,
         typer.Option(help="Folder for report.json, fit.png, lobes.exr and samples.csv."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the report as one JSON document.")
-    ] = False,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    as_json: AsJson = False,
+    device: Device = None,
 ) -> None:
     """Fit every candidate model to a measurement and rank them."""
     from dataclasses import replace
 
     from lobefit.fitting import fit as fit_models
-    from lobefit.fitting import read_measurement
     from lobefit.fitting.document import to_json
     from lobefit.fitting.instrument import Instrument
     from lobefit.kernels.errors import LobefitError
     from lobefit.service.texts import measurement_lines, result_lines, wrapped
 
-    if out is not None and out.exists() and not out.is_dir():
-        raise LobefitError(f"--out {out} is a file; name a folder")
-    measurement = read_measurement(file)
-    if max_theta is not None:
-        measurement = measurement.within(math.radians(max_theta))
+    out_folder(out)
+    measurement = measured(file, max_theta)
     digest = _sha256(file)
     instrument = None
     if tilt or veil or gain is not None or aperture is not None:
@@ -173,12 +163,12 @@ def fit(
         )
         if posterior:
             raise LobefitError("--posterior accounts for no --tilt, --veil, --gain or --aperture")
-    with _progress() as progress:
+    with counted() as progress:
         report = fit_models(
             measurement,
             models=models,
             metric=metric,
-            options=dict(_settings(option, "--option")),
+            options=dict(settings(option)),
             tolerance=tolerance,
             student=student,
             instrument=instrument,
@@ -188,22 +178,25 @@ def fit(
     added = {"sha256": digest} | ({} if max_theta is None else {"max_theta_deg": max_theta})
     report = replace(report, settings={**report.settings, **added})
     written = {} if out is None else report.save(out)
-    document, lines = report.to_dict(), []
+    found = None
     if posterior:
         found = sampled(report.best, measurement, out, seed=seed, device=device)
         written |= {} if out is None else found.save(out)
-        document["posterior"], lines = found.to_dict(), ["", *posterior_lines(found)]
     if as_json:
-        typer.echo(to_json(document))
+        document = report.to_dict()
+        typer.echo(
+            to_json(document if found is None else {**document, "posterior": found.to_dict()})
+        )
         return
     for line in measurement_lines(measurement):
         typer.echo(line)
     typer.echo("\n" + wrapped(report.verdict) + "\n")
-    for line in (*result_lines(report), *lines):
+    for line in result_lines(report):
         typer.echo(line)
-    if written:
-        names = ", ".join(path.name for path in written.values())
-        typer.echo(f"\nWritten to {out}: {names}")
+    if found is not None:
+        for line in ("", *posterior_lines(found)):
+            typer.echo(line)
+    tell_written(out, written.values())
 
 
 app.command()(batch)
@@ -220,7 +213,7 @@ app.command()(token)
 @app.command()
 def models(
     name: Annotated[str | None, typer.Argument(help="Show the manual page of this model.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+    as_json: AsJson = False,
     bench: Annotated[
         bool, typer.Option("--bench", help="Measure the cost in ns per direction.")
     ] = False,
@@ -238,7 +231,7 @@ def models(
     if bench:
         from lobefit.kernels.cost import model_cost
 
-        with _progress() as progress:
+        with counted() as progress:
             for k, (key, model) in enumerate(chosen.items()):
                 if progress:
                     progress(k, len(chosen), key)
@@ -257,7 +250,7 @@ def models(
 
 @app.command()
 def devices(
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the OpenCL devices and mark the one that is used."""
     from dataclasses import asdict
@@ -290,10 +283,7 @@ def devices(
 def simulate(
     model: Annotated[str, typer.Argument(help="A model or a variant, such as ggx:k_s=1.")],
     out: Annotated[Path, typer.Option(help="The CSV to write; .csv.gz compresses.")],
-    param: Annotated[
-        list[str] | None,
-        typer.Option(help="A parameter, as alpha=0.3 or k_d=0.1,0.2,0.3 by channel; repeatable."),
-    ] = None,
+    param: Params = None,
     geometry: Annotated[
         str,
         typer.Option(help="in-plane or hemisphere, also 'in-plane incidences=15,45 step=2.5'."),
@@ -305,19 +295,14 @@ def simulate(
     channels: Annotated[
         str | None, typer.Option(help="Channel names, separated by commas.")
     ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="A choice of the model, as masking=smith_separable; repeatable."),
-    ] = None,
+    option: Choices = None,
     sigma: Annotated[
         bool, typer.Option("--sigma", help="State the uncertainty in sigma_ columns.")
     ] = False,
     material: Annotated[
         str | None, typer.Option(help="What to call the surface in the file.")
     ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    device: Device = None,
 ) -> None:
     """Make the measurement that an instrument would give of a model surface."""
     from lobefit.fitting.artefacts import write_together
@@ -325,16 +310,14 @@ def simulate(
     from lobefit.fitting.writers import write_measurement
     from lobefit.service.texts import size
 
-    relative, additive = _pair(noise)
-    params = {key: _numbers(value, "--param") for key, value in _settings(param, "--param")}
     measurement = simulate_model(
         model,
-        params,
+        parameters(param),
         geometry=geometry,
-        noise=(relative, additive),
+        noise=pair(noise),
         seed=seed,
         channels=channels.split(",") if channels else None,
-        options=dict(_settings(option, "--option")) or None,
+        options=dict(settings(option)) or None,
         sigma=sigma,
         device=device,
         metadata={"material": material} if material else None,
@@ -350,45 +333,3 @@ def _sha256(file: Path) -> str | None:
         return None
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-@contextmanager
-def _progress() -> Iterator[Progress | None]:
-    """Show a bar on standard error while something runs; nothing where nobody watches."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
-    from rich.progress import Progress as Bar
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total, label: bar.update(
-            task, completed=done, total=total, description=label
-        )
-
-
-def _settings(texts: list[str] | None, flag: str) -> Iterator[tuple[str, str]]:
-    """Split texts such as ``alpha=0.3``."""
-    for text in texts or ():
-        key, equals, value = text.partition("=")
-        if not (key and equals and value):
-            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint=flag)
-        yield key.strip(), value.strip()
-
-
-def _numbers(text: str, flag: str) -> float | list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a number", param_hint=flag) from None
-    return numbers[0] if len(numbers) == 1 else numbers
-
-
-def _pair(text: str) -> tuple[float, float]:
-    numbers = _numbers(text, "--noise")
-    if not isinstance(numbers, list) or len(numbers) != 2:
-        raise typer.BadParameter(f"{text!r} is not RELATIVE,ADDITIVE", param_hint="--noise")
-    return numbers[0], numbers[1]

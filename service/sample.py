@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from lobefit.service.options import (
+    AsJson,
+    Choices,
+    Device,
+    MaxTheta,
+    MeasurementFile,
+    Student,
+    measured,
+    out_folder,
+    settings,
+)
+from lobefit.service.terminal import status_line, tell_written
 
 if TYPE_CHECKING:
     from lobefit.fitting import FitResult, Measurement
@@ -22,7 +33,7 @@ CHAIN = "chain.h5"
 
 
 def sample(
-    file: Annotated[Path, typer.Argument(help="Measurement: a CSV, .csv.gz or MERL .binary.")],
+    file: MeasurementFile,
     model: Annotated[
         str | None,
         typer.Option(help="A candidate such as ggx or ggx:k_s=1; left out, the best one."),
@@ -30,14 +41,8 @@ def sample(
     metric: Annotated[
         str, typer.Option(help="How the point fit before it weighs residuals; see `fit`.")
     ] = "auto",
-    max_theta: Annotated[
-        float | None,
-        typer.Option(help="Leave out rows with theta_i or theta_o above this, in degrees."),
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="A choice of the model, as masking=smith_separable; repeatable."),
-    ] = None,
+    max_theta: MaxTheta = None,
+    option: Choices = None,
     seed: Annotated[int, typer.Option(help="Seed: the same gives the same chain.")] = 0,
     steps: Annotated[
         int, typer.Option(help="Most steps, the warm-up included; it ends once they are enough.")
@@ -47,9 +52,7 @@ def sample(
     noise: Annotated[
         str, typer.Option(help="auto, fit, scaled, given or fixed: what is sampled of the noise.")
     ] = "auto",
-    student: Annotated[
-        bool, typer.Option("--student", help="Student's t instead of a Gaussian, for outliers.")
-    ] = False,
+    student: Student = False,
     saturation: Annotated[
         float | None, typer.Option(help="Readings at or above it, in 1/sr, were saturated.")
     ] = None,
@@ -63,31 +66,20 @@ def sample(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start anew where the folder has a chain.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the summary as one JSON document.")
-    ] = False,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    as_json: AsJson = False,
+    device: Device = None,
 ) -> None:
     """Sample the posterior of a model: what is known of its parameters, not only the best ones."""
-    from lobefit.fitting import fit, read_measurement
+    from lobefit.fitting import fit
     from lobefit.fitting.document import to_json
-    from lobefit.kernels.errors import LobefitError
 
-    if out is not None and out.exists() and not out.is_dir():
-        raise LobefitError(f"--out {out} is a file; name a folder")
-    measurement = read_measurement(file)
-    if max_theta is not None:
-        measurement = measurement.within(math.radians(max_theta))
-    choices = dict(part.split("=", 1) for part in option or () if "=" in part)
-    if len(choices) < len(option or ()):
-        raise typer.BadParameter("options are NAME=VALUE", param_hint="--option")
+    out_folder(out)
+    measurement = measured(file, max_theta)
     report = fit(
         measurement,
         models=model or "standard",
         metric=metric,
-        options=choices,
+        options=dict(settings(option)),
         student=student,
         device=device,
     )
@@ -112,9 +104,8 @@ def sample(
         return
     for line in posterior_lines(posterior):
         typer.echo(line)
-    if written:
-        names = ", ".join(path.name for path in written.values())
-        typer.echo(f"\nWritten to {out}: {names}, {CHAIN}")
+    if out is not None:
+        tell_written(out, [*written.values(), out / CHAIN])
 
 
 def sampled(
@@ -136,7 +127,7 @@ def sampled(
     chain = None if out is None else out / CHAIN
     last: list[SamplingProgress] = []
     try:
-        with _line() as show:
+        with status_line("warming up") as show:
 
             def tell(state: SamplingProgress) -> None:
                 last[:] = [state]
@@ -179,16 +170,3 @@ def posterior_lines(posterior: Posterior) -> Iterator[str]:
     yield ""
     yield f"{'Converged' if p.converged else 'NOT CONVERGED'}: {p.reason}."
     yield from p.notes
-
-
-@contextmanager
-def _line() -> Iterator[Callable[[str], None] | None]:
-    """Keep one line of standard error up to date; nothing where nobody watches."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.status import Status
-
-    with Status("warming up", console=Console(stderr=True)) as status:
-        yield lambda text: status.update(text)

@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+from lobefit.service.options import AsJson, Device, out_folder
+from lobefit.service.terminal import tell_written
+
 __all__ = ["scene"]
 
 
@@ -23,21 +26,15 @@ def scene(
     timing: Annotated[
         float, typer.Option(min=0.0, max=3600.0, help="Seconds to spend on timing frames.")
     ] = 2.5,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the decision as one JSON document.")
-    ] = False,
-    device: Annotated[
-        str | None, typer.Option(help="OpenCL device: an id or part of a name; see `devices`.")
-    ] = None,
+    as_json: AsJson = False,
+    device: Device = None,
 ) -> None:
     """Find the cheapest model and shading that is good enough for a scene."""
     from lobefit.fitting.document import to_json
     from lobefit.fitting.scene import decide
     from lobefit.fitting.scene_texts import COST
-    from lobefit.kernels.errors import LobefitError
 
-    if out is not None and out.exists() and not out.is_dir():
-        raise LobefitError(f"--out {out} is a file; name a folder")
+    out_folder(out)
     decision = decide(file, fit, timing_s=timing, device=device)
     written = {} if out is None else decision.save(out)
     if as_json:
@@ -47,6 +44,4 @@ def scene(
         typer.echo(textwrap.fill(text, 100, break_long_words=False) + "\n")
     typer.echo(decision.table())
     typer.echo("\n" + textwrap.fill(COST, 100))
-    if written:
-        names = ", ".join(path.name for path in written.values())
-        typer.echo(f"\nWritten to {out}: {names}")
+    tell_written(out, written.values())
