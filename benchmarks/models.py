@@ -26,7 +26,7 @@ from lobefit.kernels import get_device, models
 from lobefit.kernels.cost import Workload
 from tests.kernels.transcriptions import Geometry, geometry, load
 
-__all__ = ["numpy_sums", "run", "table"]
+__all__ = ["PreparedGeometry", "handed", "numpy_sums", "run", "table"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -35,7 +35,7 @@ TIMES = 5.0  # models less than so many times faster than numpy are named
 STEP = 8  # numpy takes every 8th set; it needs no more to be timed
 
 
-class _Prepared:
+class PreparedGeometry:
     """A geometry in single precision that keeps every quantity that was asked of it."""
 
     def __init__(self, exact: Geometry) -> None:
@@ -58,7 +58,7 @@ def _column(value: float | list[float]) -> Single:
 
 
 @contextmanager
-def _handed(name: str, ready: _Prepared) -> Iterator[None]:
+def handed(name: str, ready: PreparedGeometry) -> Iterator[None]:
     """Let a transcription take its geometry and its channels' values from here."""
     replaced = {"geometry": lambda *_angles: ready, "per_channel": _column}
     modules: list[Any] = [
@@ -85,7 +85,7 @@ def numpy_sums(work: Workload) -> Callable[[], tuple[Array, bool]]:
     """
     name = work.model.name
     formula = load(name)
-    ready = _Prepared(geometry(*work.angles))
+    ready = PreparedGeometry(geometry(*work.angles))
     angles = [a.astype(np.float32) for a in work.angles]
     defaults = {p.name: p.default for p in work.model.linear}
     searched = [p.name for p in work.model.nonlinear]
@@ -95,7 +95,7 @@ def numpy_sums(work: Workload) -> Callable[[], tuple[Array, bool]]:
 
     def sums() -> tuple[Array, bool]:
         total, stayed = np.empty(len(sets)), True
-        with _handed(name, ready), np.errstate(all="ignore"):  # tails underflow
+        with handed(name, ready), np.errstate(all="ignore"):  # tails underflow
             for k, params in enumerate(sets):
                 f = formula(*angles, **params)[0]
                 residual = f - values

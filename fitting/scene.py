@@ -3,8 +3,8 @@
 Every fitted model is shaded flat, after Gouraud and after Phong, at each subdivision level that
 the scene names. Each picture is compared with a reference (`lobefit.fitting.scene_reference`) by
 the scene's measure (`lobefit.fitting.scene_colour`), each frame is timed
-(`lobefit.fitting.scene_cost`), and the first in the order of cost that stays within the tolerance
-is the answer.
+(`lobefit.fitting.scene_cost`), and of those within the tolerance the cheapest is the answer
+(`lobefit.fitting.scene_answer`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.export.fitted import Channels
+from lobefit.fitting.scene_answer import Answer, Combination, answer_for
 from lobefit.fitting.scene_candidates import Fits, ShadingModel, read_fits
 from lobefit.fitting.scene_colour import Errors, Yardstick, exposure_factor, need_colour_science
-from lobefit.fitting.scene_cost import Cost, order_by_cost, take_turns
+from lobefit.fitting.scene_cost import Cost, counted_work, take_turns
 from lobefit.fitting.scene_environment import read_environment
 from lobefit.fitting.scene_file import SceneRequest, Tolerance, read_scene
 from lobefit.fitting.scene_reference import Reference, make_reference
@@ -32,65 +33,14 @@ from lobefit.kernels.device import get_device
 from lobefit.kernels.errors import SceneError
 from lobefit.kernels.lights import DirectionalLight, Environment
 from lobefit.kernels.mesh_file import read_mesh
-from lobefit.kernels.render import Prepared, Rendering
+from lobefit.kernels.render import CELLS, Prepared, Rendering
 from lobefit.kernels.scene import Scene
 from lobefit.kernels.surface import Shading
 
 __all__ = ["Answer", "Combination", "Decision", "Shown", "decide"]
 
 Progress = Callable[[int, int, str], None]
-ROUNDS, TIMING = 5, 2.5
-
-
-@dataclass(frozen=True, eq=False)
-class Combination:
-    """A model with a way of shading.
-
-    Attributes
-    ----------
-    model : ShadingModel
-    shading : {"flat", "gouraud", "phong"}
-    level : int
-        Subdivision level of the mesh.
-    cost : Cost
-    errors : Errors
-    """
-
-    model: ShadingModel
-    shading: Shading
-    level: int
-    cost: Cost
-    errors: Errors
-
-    @property
-    def name(self) -> str:
-        """As the table has it."""
-        return f"{self.model.name} + {self.shading}"
-
-    def excess(self, tolerance: Tolerance) -> float:
-        """By how many times its error exceeds a tolerance; within at 1 and below."""
-        return tolerance.excess(self.errors.mean, self.errors.p99)
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What a tolerance leads to.
-
-    Attributes
-    ----------
-    tolerance : Tolerance
-    chosen : Combination or None
-        The cheapest within the tolerance; None where there is none.
-    cheaper : Combination or None
-        The next cheaper one, which fails; where nothing is within, the one nearest to it.
-    richer : tuple of Combination
-        Dearer ones within the tolerance, from cheap to dear.
-    """
-
-    tolerance: Tolerance
-    chosen: Combination | None
-    cheaper: Combination | None
-    richer: tuple[Combination, ...]
+ROUNDS, TIMING = 3, 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +96,7 @@ class Decision:
 
     def answer_for(self, tolerance: Tolerance) -> Answer:
         """Answer for another tolerance from the same pictures and times."""
-        return _answer(self.combinations, tolerance)
+        return answer_for(self.combinations, tolerance)
 
     @property
     def sentence(self) -> str:
@@ -236,29 +186,30 @@ def decide(
         for shading in request.shadings
         for model in models
     ]
-    found: list[Combination] = []
+    lights = len(world.lights) + (CELLS if world.environment is not None else 0)
     with ExitStack() as stack:
         scenes: dict[tuple[Shading, int], Prepared] = {}
-        errors: list[Errors] = []
+        judged: list[tuple[Errors, int, int]] = []
         frames: dict[int, Callable[[], float]] = {}
-        points: list[int] = []
         for k, (model, shading, level) in enumerate(ways):
             if progress:
                 progress(k, len(ways), f"{model.name} + {shading}")
             if (shading, level) not in scenes:
                 made = Prepared(world, shading=shading, subdivision=level, device=device)
                 scenes[shading, level] = stack.enter_context(made)
-            drawn = partial(_draw, scenes[shading, level], model)
-            picture = drawn()
-            errors.append(yardstick.errors(picture.beauty, picture.mask))
-            points.append(picture.points)
-            frames[k] = partial(_seconds, drawn)
+            picture = _draw(scenes[shading, level], model)
+            pixels, channels = int(picture.mask.sum()), len(picture.diffuse)
+            work = counted_work(shading, picture.points, lights, pixels, channels)
+            errors = yardstick.errors(picture.beauty, picture.mask)
+            judged.append((errors, picture.points, work))
+            frames[k] = partial(_seconds, scenes[shading, level], model)
         times = take_turns(frames, rounds, timing_s)
-        for k, (model, shading, level) in enumerate(ways):
-            cost = Cost(times[k], points[k], model.n_parameters, shading)
-            found.append(Combination(model, shading, level, cost, errors[k]))
-        combinations = tuple(found[k] for k in order_by_cost([c.cost for c in found]))
-        answer = _answer(combinations, request.tolerance)
+        found = [
+            Combination(*way, Cost(times[k], points, work), errors)
+            for k, (way, (errors, points, work)) in enumerate(zip(ways, judged, strict=True))
+        ]
+        combinations = tuple(sorted(found, key=lambda c: c.cost.fastest))
+        answer = answer_for(combinations, request.tolerance)
 
         def show(c: Combination | None) -> Shown | None:
             if c is None:
@@ -285,24 +236,12 @@ def decide(
 
 
 def _draw(prepared: Prepared, model: ShadingModel) -> Rendering:
-    return prepared.render(model.fitted.model, model.fitted.params, options=model.fitted.options)
+    fitted = model.fitted
+    return prepared.render(fitted.model, fitted.params, options=fitted.options, estimate=False)
 
 
-def _seconds(drawn: Callable[[], Rendering]) -> float:
-    return drawn().seconds
-
-
-def _answer(combinations: tuple[Combination, ...], tolerance: Tolerance) -> Answer:
-    """Take the first within the tolerance, of combinations from cheap to dear."""
-    within = [c.excess(tolerance) <= 1.0 for c in combinations]
-    if not any(within):
-        nearest = min(combinations, key=lambda c: c.excess(tolerance))
-        return Answer(tolerance, None, nearest, ())
-    k = within.index(True)
-    richer = tuple(
-        c for c, good in zip(combinations[k + 1 :], within[k + 1 :], strict=True) if good
-    )
-    return Answer(tolerance, combinations[k], combinations[k - 1] if k else None, richer)
+def _seconds(prepared: Prepared, model: ShadingModel) -> float:
+    return _draw(prepared, model).seconds
 
 
 def _world(request: SceneRequest, channels: tuple[str, ...]) -> Scene:

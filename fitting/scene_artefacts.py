@@ -15,15 +15,13 @@ from lobefit.fitting.albedo_picture import write_albedo
 from lobefit.fitting.artefacts import write_together
 from lobefit.fitting.document import to_json
 from lobefit.fitting.export.fitted import Fitted
-from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.exr import SRGB, exr_name, write_exr
 from lobefit.fitting.scene import Decision
 from lobefit.fitting.scene_figure import tone_mapped, write_decision
 
 __all__ = ["LAYERS_SCHEMA", "save_decision", "write_layers"]
 
 LAYERS_SCHEMA = "lobefit.scene-layers/1"
-# Red, green, blue and white of sRGB (ITU-R BT.709, D65): x and y each.
-SRGB = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 def save_decision(decision: Decision, folder: Path) -> dict[str, Path]:
@@ -60,7 +58,7 @@ def write_layers(path: Path, decision: Decision) -> None:
         "specular": shown.rendering.specular,
         "reference": decision.reference.picture,
     }
-    names = [name.replace(".", ",") for name in decision.channels]  # a dot would open a layer
+    names = [exr_name(name) for name in decision.channels]
     if tolerance.measure == "delta_e":
         names = ["R", "G", "B"]
     planes = {

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit import __version__
-from lobefit.fitting.scene import Combination, Decision, Shown
-from lobefit.fitting.scene_colour import encoded
-from lobefit.fitting.scene_texts import MEASURES, seconds_text
+from lobefit.fitting.scene import Decision, Shown
+from lobefit.fitting.scene_answer import Combination
+from lobefit.fitting.scene_colour import MEASURES, encoded
+from lobefit.fitting.scene_file import Tolerance
+from lobefit.fitting.scene_texts import seconds_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,12 +105,12 @@ def _draw_body(
     highest = max(highest, limit, 1e-6)
     for k, (title, c, s) in enumerate(shown, start=1):
         picture = tone_mapped(decision, s.rendering.beauty)
-        _picture(axes[0, k], picture, f"{title}: {c.model.name}, {NAMES[c.shading]}")
+        level = f" at level {c.level}" if len(decision.request.levels) > 1 else ""
+        _picture(axes[0, k], picture, f"{title}: {c.model.name}, {NAMES[c.shading]}{level}")
         _picture(
             axes[1, k],
             s.differences,
-            f"{measure}: mean {c.errors.mean:.3g}, 99 % {c.errors.p99:.3g}, "
-            f"{seconds_text(c.cost.median)}",
+            f"mean {c.errors.mean:.3g}, 99 % {c.errors.p99:.3g}, {seconds_text(c.cost.fastest)}",
             vmin=0.0,
             vmax=highest,
             cmap="magma",
@@ -128,6 +130,10 @@ def _picture(ax: Axes, image: Array, title: str, **style: Any) -> None:
     ax.set_yticks([])
 
 
+def _height(c: Combination, tolerance: Tolerance) -> float:
+    return max(c.excess(tolerance), 1e-4)
+
+
 def _costs(ax: Axes, decision: Decision) -> None:
     """Draw the error of every combination over its cost."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -137,23 +143,24 @@ def _costs(ax: Axes, decision: Decision) -> None:
         some = [c for c in decision.combinations if c.shading == shading]
         if not some:
             continue
-        x = [1e3 * c.cost.median for c in some]
-        y = [max(c.excess(tolerance), 1e-4) for c in some]
-        spread = np.array([1e3 * np.array(c.cost.quartiles) for c in some])
-        beside = np.abs(spread - np.array(x)[:, None]).T
-        ax.errorbar(x, y, xerr=beside, fmt="none", ecolor=LIGHT, elinewidth=1.0, zorder=1)
+        x = np.array([1e3 * c.cost.fastest for c in some])
+        y = [_height(c, tolerance) for c in some]
+        slow = 1e3 * np.array([c.cost.quartiles[1] for c in some]) - x
+        ax.errorbar(x, y, xerr=[0.0 * x, slow], fmt="none", ecolor=LIGHT, elinewidth=1.0, zorder=1)
         ax.scatter(x, y, 18, marker=mark, color=GREY, label=NAMES[shading], zorder=2)
-    chosen = decision.answer.chosen
-    if chosen is not None:
-        at = (1e3 * chosen.cost.median, max(chosen.excess(tolerance), 1e-4))
-        ax.scatter(*at, 45, marker=MARKS[chosen.shading], color=ACCENT, label="chosen", zorder=3)
+    found = decision.answer
+    names = ("chosen", "next cheaper" if found.chosen else "nearest")
+    for c, name, face in zip((found.chosen, found.cheaper), names, (ACCENT, "none"), strict=True):
+        if c is not None:
+            at, mark = (1e3 * c.cost.fastest, _height(c, tolerance)), MARKS[c.shading]
+            ax.scatter(*at, 60, marker=mark, facecolor=face, edgecolor=ACCENT, label=name, zorder=3)
     ax.axhline(1.0, color=ACCENT, linewidth=0.9, linestyle="--")
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("ms a frame", fontsize=8)
+    ax.set_xlabel("ms a frame: fastest round, line to the upper quartile", fontsize=8)
     ax.set_ylabel("error / tolerance", fontsize=8)
     ax.tick_params(labelsize=8, which="both")
     ax.grid(color=LIGHT, linewidth=0.5)

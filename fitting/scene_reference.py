@@ -5,7 +5,8 @@ integral takes directions that nobody measured), readings lie near `MOST` of the
 the picture needs, and readings left out are predicted within half the tolerance. The remaining
 directions are filled from the fit. Else the reference is the richest sufficient fit
 (`lobefit.fitting.scene_candidates`). Either is shaded at the true surface where that is known,
-else per pixel on a mesh one level finer than any that is tried.
+else per pixel on a mesh one level finer than any that is tried; an environment is integrated with
+four times as many nodes as the pictures that are tried, and what that may still be off is said.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.scene_candidates import Fits, ShadingModel
-from lobefit.fitting.scene_colour import Errors, Yardstick, exposure_factor
+from lobefit.fitting.scene_colour import MEASURES, Errors, Yardstick, exposure_factor
 from lobefit.fitting.scene_data import Interpolation
 from lobefit.fitting.scene_file import SceneRequest
 from lobefit.kernels.lights import light_rows
@@ -33,6 +34,8 @@ Array = NDArray[np.float64]
 MOST = 0.9
 HALF = 0.5
 MESH_FACES = 4_000_000
+# Of an environment's quadrature: four times what the renderer takes by itself.
+NODES, CELLS = (16, 48), 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +58,8 @@ class Reference:
         Of readings left out, as colours or relative radiance under the brightest light.
     covered : float or None
         Share of the directions of light and view that readings lie near.
-    environment_error : float
-        Largest estimated error of the environment's integral, relative to the picture's mean.
+    environment_error : Errors or None
+        What the estimated error of the environment's integral would make of the picture.
     """
 
     kind: str
@@ -67,22 +70,25 @@ class Reference:
     mask: NDArray[np.bool_]
     left_out: Errors | None
     covered: float | None
-    environment_error: float
+    environment_error: Errors | None
 
     def to_dict(self) -> dict[str, Any]:
         """Give everything but the pictures, JSON-ready."""
-        left = self.left_out
         return {
             "kind": self.kind,
             "model": self.model,
             "why": self.why,
             "shading": self.shading,
-            "left_out": None
-            if left is None
-            else {"mean": left.mean, "p99": left.p99, "largest": left.largest},
+            "left_out": _errors(self.left_out),
             "covered": self.covered,
-            "environment_error": self.environment_error,
+            "environment_error": _errors(self.environment_error),
         }
+
+
+def _errors(found: Errors | None) -> dict[str, float] | None:
+    if found is None:
+        return None
+    return {"mean": found.mean, "p99": found.p99, "largest": found.largest}
 
 
 def make_reference(
@@ -110,7 +116,12 @@ def make_reference(
         while level > max(request.levels) and faces * 4**level > MESH_FACES:
             level -= 1
     prepared = Prepared(
-        scene, shading="exact" if exact else "phong", subdivision=level, device=device
+        scene,
+        shading="exact" if exact else "phong",
+        subdivision=level,
+        device=device,
+        nodes=NODES,
+        cells=CELLS,
     )
     with prepared:
         made = prepared.render(
@@ -118,8 +129,11 @@ def make_reference(
         )
         picture = made.beauty.astype(np.float64)
         surface = prepared.surface
-    mean = float(picture[:, made.mask].mean()) if made.mask.any() else 0.0
-    off = float(made.error.max()) / mean if mean > 0.0 else 0.0
+    off = None
+    if scene.environment is not None and made.mask.any():
+        factor = exposure_factor(request.exposure, picture, made.mask)
+        yardstick = Yardstick(request.tolerance.measure, picture, made.mask, factor)
+        off = yardstick.errors(picture + made.error, made.mask)
     reference = Reference(
         kind="fit",
         model=model.name,
@@ -148,7 +162,8 @@ def _with_data(
     if fits.samples is None:
         return replace(fit, why=f"No samples.csv lies beside the report, {rest}.")
     if scene.environment is not None:
-        return replace(fit, why=f"An environment takes directions that were not measured, {rest}.")
+        why = f"An environment takes directions that were not measured, {rest}."
+        return replace(fit, why=f"{why} {_environment(request, fit.environment_error)}".strip())
     if not model.fitted.isotropic:
         return replace(
             fit, why=f"The surface is anisotropic and was not measured at every azimuth, {rest}."
@@ -182,6 +197,24 @@ def _with_data(
         f"{model.name}), and readings left out are predicted within {excess:.2g} times the "
         "tolerance, so it is the measured data, interpolated in half-difference angles.",
     )
+
+
+def _environment(request: SceneRequest, off: Errors | None) -> str:
+    """Say how well the integral over the environment is known."""
+    if off is None:
+        return ""
+    excess = request.tolerance.excess(off.mean, off.p99)
+    text = (
+        f"Its integral over the environment is estimated to be known within {excess:.2g} times the "
+        f"tolerance (mean {MEASURES[request.tolerance.measure]} {off.mean:.2g}, 99th percentile "
+        f"{off.p99:.2g})"
+    )
+    if excess > HALF:
+        text += (
+            ", which is too little to rely on the answer: replace what is small and bright in the "
+            "environment by lights, or smooth it"
+        )
+    return f"{text}."
 
 
 def _richest(fits: Fits, model: ShadingModel) -> str:

@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from lobefit import __version__
+from lobefit.fitting.scene_answer import SAME
+from lobefit.fitting.scene_colour import MEASURES
 
 if TYPE_CHECKING:  # that module loads this one when it is asked for words
-    from lobefit.fitting.scene import Answer, Combination, Decision
+    from lobefit.fitting.scene import Decision
+    from lobefit.fitting.scene_answer import Answer, Combination
     from lobefit.fitting.scene_file import Tolerance
 
 __all__ = ["SCHEMA", "document", "seconds_text", "sentence", "table"]
 
 SCHEMA = "lobefit.decision/1"
 SHADINGS = {"flat": "flat shading", "gouraud": "Gouraud shading", "phong": "Phong shading"}
-MEASURES = {"delta_e": "ΔE2000", "relative": "relative error"}
 COST = (
     "Cost: measured seconds a frame on the device (shading and filling the pixels; neither finding "
-    "what is seen nor compiling), median of interleaved rounds. Costs that differ by no more than "
-    "two standard errors of the median tie; a tie goes to the simpler shading (flat, Gouraud, Phong), "
-    "then to fewer shaded points, then to fewer parameters."
+    "what is seen nor compiling), the fastest of interleaved rounds, since a busy machine only adds "
+    f"to it. Costs within a factor of {SAME:g} count as the same; of the same cost the simplest is "
+    "chosen: the model of fewest parameters, of its ways of shading those of the least counted "
+    f"work (within a factor of {SAME:g}), of these flat before Gouraud before Phong, then the "
+    "coarser mesh, then the smaller error."
 )
 
 
 def seconds_text(seconds: float) -> str:
     """Write a time in milliseconds to three digits."""
     return f"{seconds * 1e3:.3g} ms"
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.2g}" if factor < 10.0 else f"{factor:.0f}"
 
 
 def _measured(c: Combination, measure: str) -> str:
@@ -51,31 +60,40 @@ def sentence(decision: Decision) -> str:
         assert c is not None
         return (
             f"Nothing stays within the tolerance: {_named(c)}{where(c)} comes nearest, "
-            f"{_measured(c, measure)} where {allowed}, {c.excess(tolerance):.2g} times too much."
+            f"{_measured(c, measure)} where {allowed}, {_times(c.excess(tolerance))} times too much."
         )
     c = answer.chosen
-    low, high = c.cost.quartiles
     text = (
-        f"{_named(c)}{where(c)} is enough: {_measured(c, measure)} where {allowed}, "
-        f"at {seconds_text(c.cost.median)} a frame (quartiles {seconds_text(low)} and "
-        f"{seconds_text(high)}, {c.cost.points} shaded points)"
+        f"{_named(c)}{where(c)} is enough: {_measured(c, measure)} where {allowed}, at "
+        f"{seconds_text(c.cost.fastest)} a frame (median {seconds_text(c.cost.median)}; "
+        f"{c.cost.points} shaded points)"
     )
+    if answer.equals:
+        count = len(answer.equals) + 1
+        text += f", the simplest of {count} whose costs are the same within a factor of {SAME:g}"
     if answer.cheaper is None:
-        text += "; nothing that was tried is cheaper"
+        text += "; nothing that was tried is cheaper or simpler"
     else:
         b = answer.cheaper
         text += (
-            f"; the next cheaper, {_named(b)}{where(b)} ({seconds_text(b.cost.median)}, "
-            f"{b.cost.points} points), is {b.excess(tolerance):.2g} times over the tolerance "
+            f"; the next cheaper, {_named(b)}{where(b)} ({seconds_text(b.cost.fastest)}, "
+            f"{b.cost.points} points), is {_times(b.excess(tolerance))} times over the tolerance "
             f"({_measured(b, measure)})"
         )
-    if answer.richer:
-        r = max(answer.richer, key=lambda c: (c.cost.median, c.cost.points))
-        text += (
-            f"; {len(answer.richer)} dearer ones are within it too, up to {_named(r)}{where(r)} "
-            f"at {seconds_text(r.cost.median)}, {r.cost.median / c.cost.median:.1f} times the time"
-        )
-    return f"{text}."
+    return f"{text}{_richer(answer, where)}."
+
+
+def _richer(answer: Answer, where: Callable[[Combination], str]) -> str:
+    if not answer.richer or answer.chosen is None:
+        return ""
+    dearest = answer.richer[-1]
+    named = f"{_named(dearest)}{where(dearest)}"
+    if len(answer.richer) == 1:
+        text = f"; {named} is within it too, "
+    else:
+        text = f"; {len(answer.richer)} others are within it too, up to {named} "
+    more = dearest.cost.fastest / answer.chosen.cost.fastest
+    return f"{text}at {seconds_text(dearest.cost.fastest)}, {_times(more)} times the time"
 
 
 def table(decision: Decision) -> str:
@@ -83,16 +101,17 @@ def table(decision: Decision) -> str:
     tolerance = decision.answer.tolerance
     name = max(len("model"), *(len(c.model.name) for c in decision.combinations))
     measure = f"mean {MEASURES[tolerance.measure]}"
-    head = f"  {'model':{name}}  shading  level  parameters  points  {'ms/frame (quartiles)':<22}  "
+    head = f"  {'model':{name}}  shading  level  parameters  points  {'ms/frame, median (quartiles)':<29}  "
     lines = [f"{head}{measure:>20}  {'99 %':>7}  x tolerance"]
     for c in decision.combinations:
         mark = "*" if c is decision.answer.chosen else " "
         low, high = (1e3 * s for s in c.cost.quartiles)
-        times = f"{1e3 * c.cost.median:.3g} ({low:.3g} to {high:.3g})"
+        median, fastest = 1e3 * c.cost.median, 1e3 * c.cost.fastest
+        times = f"{fastest:<7.3g} {median:.3g} ({low:.3g} to {high:.3g})"
         excess = c.excess(tolerance)
         lines.append(
-            f"{mark} {c.model.name:{name}}  {c.shading:<7}  {c.level:>5}  {c.cost.n_parameters:>10}"
-            f"  {c.cost.points:>6}  {times:<22}  {c.errors.mean:>20.4g}  {c.errors.p99:>7.4g}"
+            f"{mark} {c.model.name:{name}}  {c.shading:<7}  {c.level:>5}  {c.model.n_parameters:>10}"
+            f"  {c.cost.points:>6}  {times:<29}  {c.errors.mean:>20.4g}  {c.errors.p99:>7.4g}"
             f"  {excess:>11.3g}{'' if excess <= 1 else ' over'}"
         )
     return "\n".join(lines)
@@ -161,6 +180,7 @@ def _answer(answer: Answer) -> dict[str, Any]:
     return {
         "tolerance": _limits(answer.tolerance),
         "chosen": maybe(answer.chosen),
+        "same_cost": [_combination(c, answer.tolerance) for c in answer.equals],
         "next_cheaper": maybe(answer.cheaper),
         "richer": [_combination(c, answer.tolerance) for c in answer.richer],
     }
@@ -173,9 +193,11 @@ def _combination(c: Combination, tolerance: Tolerance) -> dict[str, Any]:
         "origin": c.model.origin,
         "shading": c.shading,
         "level": c.level,
-        "n_parameters": c.cost.n_parameters,
+        "n_parameters": c.model.n_parameters,
         "points": c.cost.points,
+        "work": c.cost.work,
         "seconds": c.cost.median,
+        "seconds_fastest": c.cost.fastest,
         "seconds_quartiles": list(c.cost.quartiles),
         "rounds": len(c.cost.seconds),
         "mean": c.errors.mean,

@@ -29,6 +29,7 @@ __all__ = [
     "basis_albedo",
     "coarse_grid",
     "directional_albedo",
+    "model_albedo",
 ]
 
 Array = NDArray[np.float64]
@@ -208,7 +209,8 @@ def basis_albedo(
             if kind not in values:
                 values[kind] = basis_values(program, nodes.directions, x)
             weights = nodes.weights if len(term.lobe.peaks) == 1 else nodes.shares
-            total += values[kind][:, own] @ weights
+            # Not `@`: BLAS shares it among threads, whose number is seen in the last digit.
+            total += np.einsum("pkn,n->pk", values[kind][:, own], weights)
         columns.append(total)
     return np.concatenate(columns, axis=1)
 
@@ -244,18 +246,49 @@ def directional_albedo(
         As `evaluate`, and for incidence at or below the horizon.
     """
     known = (model if isinstance(model, Model) else get_model(model)).choose(options)
-    program = model_program(known)
-    full = complete(known, params)
-    x, coefficients = nonlinear_of(known, full), coefficients_of(known, full)
     angles = np.atleast_1d(np.asarray(theta_i, dtype=np.float64))
     if not (
         np.isfinite(angles).all() and (angles >= 0).all() and (np.cos(angles) > MIN_COSINE).all()
     ):
         raise ModelError("the albedo needs theta_i in radians, from 0 to below pi/2")
-    opened = get_device(device)
-    azimuths = 256 * max(azimuth_refinement(known, x[0]) // 2, 1)
+    full = complete(known, params)
+    azimuths = 256 * max(azimuth_refinement(known, nonlinear_of(known, full)[0]) // 2, 1)
+    return model_albedo(known, full, angles, phi_i, get_device(device), 8, azimuths)
+
+
+def model_albedo(
+    model: Model,
+    full: Mapping[str, Array],
+    angles: Array,
+    phi_i: float,
+    device: Device,
+    order: int,
+    azimuths: int,
+) -> Array:
+    """Integrate on grids of a given size.
+
+    Parameters
+    ----------
+    model : Model
+        Its options chosen.
+    full : mapping of str to ndarray
+        All parameters, as `lobefit.kernels.parameters.complete` gives them.
+    angles : ndarray, shape (M,)
+        Zenith angles of incidence in radians, above the horizon.
+    phi_i : float
+        Azimuth of incidence.
+    device : Device
+    order, azimuths : int
+        See `HemisphereGrid`.
+
+    Returns
+    -------
+    ndarray, shape (channels, M)
+    """
+    program = model_program(model)
+    x, coefficients = nonlinear_of(model, full), coefficients_of(model, full)
     columns = []
     for theta in angles:
-        grid = cache(partial(HemisphereGrid, opened, float(theta), float(phi_i), 8, azimuths))
+        grid = cache(partial(HemisphereGrid, device, float(theta), float(phi_i), order, azimuths))
         columns.append((basis_albedo(program, grid, x) * coefficients).sum(axis=1))
     return np.stack(columns, axis=1)

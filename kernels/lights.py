@@ -157,6 +157,20 @@ class Environment:
         lower = p[below, one] * (1.0 - fx) + p[below, two] * fx
         return np.asarray((upper * (1.0 - fy) + lower * fy).T)
 
+    def resampled(self, rows: int) -> Array:
+        """Interpolate the picture at the pixels of one of so many rows, shape (rows, 2 rows, C)."""
+        theta = (np.arange(rows) + 0.5) * (np.pi / rows)
+        phi = np.pi - (np.arange(2 * rows) + 0.5) * (np.pi / rows)
+        grid = np.stack(
+            [
+                np.outer(np.sin(theta), np.cos(phi)),
+                np.outer(np.sin(theta), np.sin(phi)),
+                np.outer(np.cos(theta), np.ones(2 * rows)),
+            ],
+            axis=-1,
+        )
+        return self.towards(grid.reshape(-1, 3)).T.reshape(rows, 2 * rows, -1)
+
     @cached_property
     def pyramid(self) -> list[Array]:
         """Averages over ever larger solid angles, the first the picture itself.
@@ -166,19 +180,7 @@ class Environment:
         """
         height = self.radiance.shape[0]
         rows = max(COARSEST, 1 << (height - 1).bit_length())
-        level = self.radiance
-        if rows != height:
-            theta = (np.arange(rows) + 0.5) * (np.pi / rows)
-            phi = np.pi - (np.arange(2 * rows) + 0.5) * (np.pi / rows)
-            grid = np.stack(
-                [
-                    np.outer(np.sin(theta), np.cos(phi)),
-                    np.outer(np.sin(theta), np.sin(phi)),
-                    np.outer(np.cos(theta), np.ones(2 * rows)),
-                ],
-                axis=-1,
-            )
-            level = self.towards(grid.reshape(-1, 3)).T.reshape(rows, 2 * rows, -1)
+        level = self.radiance if rows == height else self.resampled(rows)
         levels = [level]
         while len(level) > COARSEST:
             edges = np.cos(np.linspace(0.0, np.pi, len(level) + 1))

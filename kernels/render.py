@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.kernels.device import Device, get_device
+from lobefit.kernels.environment_integral import EnvironmentIntegral
 from lobefit.kernels.errors import SceneError
 from lobefit.kernels.evaluate import Params, basis_values
 from lobefit.kernels.geometry import Directions, Precision
@@ -25,7 +26,9 @@ from lobefit.kernels.scene import Scene
 from lobefit.kernels.shaded_points import Lobes, ShadedPoints, lobes_of
 from lobefit.kernels.surface import Shading, make_surface
 
-__all__ = ["Prepared", "Rendering", "render"]
+__all__ = ["CELLS", "Prepared", "Rendering", "render"]
+
+FEWEST, CELLS = 512, 2048  # directional lights that an environment is cut into
 
 Image = NDArray[np.floating[Any]]
 
@@ -44,7 +47,7 @@ class Rendering:
         Pixels that show the object.
     error : ndarray, shape (C, H, W)
         Estimated error of the environment's integral, in radiance: its difference from the
-        same with half the nodes each way. 0 without an environment.
+        same with a quarter of the nodes. 0 without an environment.
     seconds : float
         What the shading took on the device, pixels included; neither what is done once
         per scene or parameters, nor the error's estimate, nor copies.
@@ -81,7 +84,10 @@ class Prepared:
     device : str, Device or None
         See `lobefit.kernels.get_device`.
     nodes : tuple of int
-        For an environment: panels of two nodes from the normal to the horizon, and azimuths.
+        For narrow lobes in an environment: panels of two nodes from the normal to the horizon, and
+        azimuths.
+    cells : int
+        For broad ones: directional lights that the environment is cut into, about.
 
     Attributes
     ----------
@@ -105,19 +111,26 @@ class Prepared:
         precision: Precision = "single",
         device: str | Device | None = None,
         nodes: tuple[int, int] = (8, 24),
+        cells: int = CELLS,
     ) -> None:
         if precision not in ("single", "double"):
             raise SceneError(f"precision is 'single' or 'double', not {precision!r}")
         if min(nodes) < 2:
             raise SceneError("an environment's quadrature has 2 panels and 2 azimuths at least")
-        self.scene, self.nodes = scene, nodes
+        if cells < FEWEST:
+            raise SceneError(f"an environment is cut into {FEWEST} lights at least")
+        self.scene = scene
         self.device = get_device(device)
         self.dtype: np.dtype[Any] = np.dtype(np.float64 if precision == "double" else np.float32)
         camera = scene.camera
         self.surface = make_surface(scene.shape, camera, scene.matrix, shading, subdivision)
         self._points: ShadedPoints | None = None
+        self._environment: EnvironmentIntegral | None = None
         if self.surface.pixels.size:
             self._points = ShadedPoints(self.surface, self.device, precision)
+            if scene.environment is not None:
+                around = EnvironmentIntegral(self._points, scene.environment, nodes, cells)
+                self._environment = around
 
     def release(self) -> None:
         """Free the device's memory."""
@@ -133,10 +146,15 @@ class Prepared:
         self.release()
 
     def render(
-        self, model: str | Model, params: Params, *, options: Mapping[str, str] | None = None
+        self,
+        model: str | Model,
+        params: Params,
+        *,
+        options: Mapping[str, str] | None = None,
+        estimate: bool = True,
     ) -> Rendering:
-        """Shade with one model; see `lobefit.kernels.render.render`."""
-        return self.render_sets(model, [params], options=options)[0]
+        """Shade with one model; see `render_sets` and `lobefit.kernels.render.render`."""
+        return self.render_sets(model, [params], options=options, estimate=estimate)[0]
 
     def render_sets(
         self,
@@ -144,6 +162,7 @@ class Prepared:
         params: Sequence[Params],
         *,
         options: Mapping[str, str] | None = None,
+        estimate: bool = True,
     ) -> list[Rendering]:
         """Shade with several sets of parameters of one model, in one launch.
 
@@ -151,6 +170,8 @@ class Prepared:
         ----------
         model, params, options
             As for `lobefit.kernels.evaluate`; `params` is a sequence of sets.
+        estimate : bool
+            Whether to estimate the error of an environment's integral.
 
         Returns
         -------
@@ -172,7 +193,7 @@ class Prepared:
         mask.ravel()[where] = True
         values, seconds, points = np.zeros((sets, channels, 2, 0), self.dtype), 0.0, 0
         if self._points is not None:
-            values, seconds = self._shade(lobes, self._points)
+            values, seconds = self._shade(lobes, self._points, estimate)
             points = self._points.count
         parts = values.shape[2]
         images = np.zeros((sets, parts, channels, *shape), dtype=self.dtype)
@@ -187,20 +208,17 @@ class Prepared:
             for i in images
         ]
 
-    def _shade(self, lobes: Lobes, points: ShadedPoints) -> tuple[NDArray[Any], float]:
+    def _shade(
+        self, lobes: Lobes, points: ShadedPoints, estimate: bool
+    ) -> tuple[NDArray[Any], float]:
         """Give diffuse, specular and any error of each pixel, (sets, C, 2 or 3, M); and seconds."""
         lights = light_rows(self.scene.lights, lobes.coefficients.shape[1])
         values, seconds = points.under_lights(lobes, lights, self._ambient(lobes))
-        environment = self.scene.environment
-        if environment is None:
-            made, more = points.pixels(values)
-            return made, seconds + more
-        fine, more = points.under_environment(lobes, environment, self.nodes)
-        half = (self.nodes[0] // 2, self.nodes[1] // 2)
-        coarse, _ = points.under_environment(lobes, environment, half)
-        error = np.abs((fine - coarse).sum(axis=2, keepdims=True))
-        made, filling = points.pixels(np.concatenate([values + fine, error], axis=2))
-        return made, seconds + more + filling
+        if self._environment is not None:
+            around, error, more = self._environment(lobes, estimate)
+            values, seconds = np.concatenate([values + around, error], axis=2), seconds + more
+        made, filling = points.pixels(values)
+        return made, seconds + filling
 
     def _ambient(self, lobes: Lobes) -> NDArray[np.float64]:
         """Give the radiance that ambient light leaves with, shape (sets, C)."""
@@ -226,6 +244,7 @@ def render(
     precision: Precision = "single",
     device: str | Device | None = None,
     nodes: tuple[int, int] = (8, 24),
+    cells: int = CELLS,
 ) -> Rendering:
     """Render a scene with one model.
 
@@ -237,7 +256,7 @@ def render(
         Object, transform, lights and view.
     model, params, options
         As for `lobefit.kernels.evaluate`; sums such as "ggx+ggx" too.
-    shading, subdivision, precision, device, nodes
+    shading, subdivision, precision, device, nodes, cells
         See `Prepared`.
 
     Returns
@@ -261,6 +280,7 @@ def render(
         precision=precision,
         device=device,
         nodes=nodes,
+        cells=cells,
     )
     with prepared:
         return prepared.render(model, params, options=options)

@@ -64,6 +64,11 @@ class Lobes:
         x = self.x if self.x.shape[1] == 1 else self.x[:, channels]
         return Lobes(self.program, x, self.coefficients[:, channels])
 
+    def singly(self) -> list[Lobes]:
+        """Give each set of parameters by itself."""
+        pairs = zip(self.x, self.coefficients, strict=True)
+        return [Lobes(self.program, x[None], c[None]) for x, c in pairs]
+
     def source(self, name: str) -> str:
         """Give the text of a shading kernel of the model."""
         peaks = {p for term in self.program.model.terms for p in term.lobe.peaks}
@@ -92,14 +97,7 @@ def lobes_of(
     model, params, options
         As for `lobefit.kernels.evaluate`; several sets.
     channels : int
-        Of the lights; 1 goes with any number.
-
-    Raises
-    ------
-    ModelError
-        Unknown model, parameter or option; a value outside its bounds.
-    SceneError
-        The model has another number of channels than the lights.
+        Of the lights; 1 goes with any number, else they are the model's (`SceneError`).
     """
     known = (model if isinstance(model, Model) else get_model(model)).choose(options)
     full = [complete(known, p) for p in params]
@@ -242,11 +240,10 @@ class ShadedPoints:
         total = 0.0
         for k, pyramid in enumerate(self._pyramids):
             some = slice(k * TEXEL, min((k + 1) * TEXEL, channels))
-            for s in range(sets):
-                one = Lobes(lobes.program, lobes.x[s : s + 1], lobes.coefficients[s : s + 1])
-                used = lobes.coefficients[s].any(axis=0)
-                radial = radial_nodes(lobes.program, self.device, lobes.x[s], used, nodes[0])
-                around = azimuth_nodes(lobes.program, lobes.x[s], nodes[1])
+            for s, one in enumerate(lobes.singly()):
+                used = one.coefficients[0].any(axis=0)
+                radial = radial_nodes(lobes.program, self.device, one.x[0], used, nodes[0])
+                around = azimuth_nodes(lobes.program, one.x[0], nodes[1])
                 counts = np.int32(len(radial)), np.int32(len(around))
                 sizes = [np.int32(rows), np.int32(levels)]
                 arguments = [pyramid, *sizes, radial, counts[0], around, counts[1]]

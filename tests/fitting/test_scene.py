@@ -76,14 +76,14 @@ def test_the_cheapest_sufficient_combination(folder: Path, tmp_path: Path) -> No
     chosen, cheaper = decision.answer.chosen, decision.answer.cheaper
     assert chosen is not None and cheaper is not None
     assert chosen.name == "blinn_phong + gouraud"
-    # Lambert comes before it among those of one cost, having fewer parameters.
-    assert cheaper.name == "lambert + gouraud"
+    assert cheaper.name == "blinn_phong + flat"
     assert [c.name for c in decision.answer.richer] == ["blinn_phong + phong"]
     flat = next(c for c in decision.combinations if c.name == "blinn_phong + flat")
     assert flat.excess(decision.answer.tolerance) > 1.0
     assert decision.sentence.startswith("blinn_phong with Gouraud shading is enough: mean ΔE2000 ")
-    assert "lambert with Gouraud shading (2" in decision.sentence
+    assert "the next cheaper, blinn_phong with flat shading (" in decision.sentence
     assert "times over the tolerance" in decision.sentence
+    assert "; blinn_phong with Phong shading is within it too, at " in decision.sentence
     assert "* blinn_phong  gouraud" in decision.table()
     # A tenth of the tolerance takes more, ten times of it less.
     tight = decision.answer_for(decision.answer.tolerance.scaled(0.25)).chosen
@@ -144,7 +144,7 @@ def _check_albedo(path: Path, decision: Decision) -> None:
     with OpenEXR.File(str(path), separate_channels=True) as file:
         stored = {name: c.pixels for name, c in file.channels().items()}
         theta = json.loads(file.header()["lobefit:theta_i_deg"])
-    assert {name.partition(".")[0] for name in stored} == {"lambert", "blinn_phong"}
+    assert {name.partition(".")[0] for name in stored} == {"blinn_phong"}
     blinn = decision.fits.reference.fitted
     expected = directional_albedo(blinn.model, blinn.params, np.deg2rad(theta))
     for k, c in enumerate("RGB"):
@@ -242,8 +242,9 @@ def test_the_sample_scenes_are_answered_as_they_say(name: str, tmp_path: Path) -
     tolerance = decision.answer.tolerance
     right, too_poor = RIGHT[name]
     model, shading = right.split(" + ")
+    # Times jitter, the answer does not.
+    assert decision.answer.chosen is not None and decision.answer.chosen.name == right
     within = [c for c in decision.combinations if c.excess(tolerance) <= 1.0]
-    assert right in {c.name for c in within}
     # Nothing of a poorer model, or of the same model with a simpler shading, would do.
     assert not too_poor & {c.model.name for c in within}
     simpler = list(WORK)[: list(WORK).index(shading)]

@@ -12,7 +12,7 @@ import OpenEXR
 import pytest
 
 from lobefit.fitting import read_scene
-from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.exr import write_exr
 from lobefit.fitting.scene_environment import read_environment
 from lobefit.kernels.errors import SceneError
 from lobefit.kernels.lights import DirectionalLight, PointLight

@@ -1,4 +1,4 @@
-"""Parts of a scene's decision: interpolated data, colour differences, the order of costs."""
+"""Parts of a scene's decision: interpolated data, colour differences, what is enough."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from lobefit.fitting import simulate
-from lobefit.fitting.scene_colour import Yardstick, encoded, exposure_factor
-from lobefit.fitting.scene_cost import Cost, order_by_cost, take_turns
+from lobefit.fitting.export.fitted import Fitted
+from lobefit.fitting.scene_answer import Combination, answer_for
+from lobefit.fitting.scene_candidates import ShadingModel
+from lobefit.fitting.scene_colour import Errors, Yardstick, encoded, exposure_factor
+from lobefit.fitting.scene_cost import Cost, counted_work, take_turns
 from lobefit.fitting.scene_data import Interpolation, half_difference
-from lobefit.fitting.scene_file import Exposure
+from lobefit.fitting.scene_file import Exposure, Tolerance
 from lobefit.kernels import evaluate
 from lobefit.kernels.errors import SceneError
+from lobefit.kernels.surface import Shading
 
 __all__: list[str] = []
 
@@ -101,24 +105,45 @@ def test_without_the_extra_it_is_said_what_to_install(monkeypatch: pytest.Monkey
         Yardstick("delta_e", np.ones((3, 1, 1)), np.ones((1, 1), dtype=bool), 1.0)
 
 
-def cost(median: float, shading: str, points: int, parameters: int, spread: float = 0.0) -> Cost:
-    # The same noise for all would cancel within a round.
-    noise = np.random.default_rng(points + parameters).normal(0.0, 1.0, 25)
-    seconds = median + spread * (noise - np.median(noise))
-    return Cost(seconds, points, parameters, shading)
+def combination(
+    parameters: int, shading: Shading, ms: float, error: float, work: int = 100
+) -> Combination:
+    fitted = Fitted("m", "m", {}, {}, ("R",), "", "")
+    cost = Cost(1e-3 * np.array([ms, 1.5 * ms, 9.0 * ms]), 10, work)
+    model = ShadingModel(fitted, parameters, None, None)
+    return Combination(model, shading, 3, cost, Errors(error, error, error, 0.0))
 
 
-def test_costs_are_ordered_by_time_and_ties_by_work() -> None:
-    clear = [cost(3.0, "flat", 10, 3), cost(1.0, "phong", 900, 9), cost(2.0, "gouraud", 50, 5)]
-    assert order_by_cost(clear) == [1, 2, 0]
-    tied = [
-        cost(1.02, "phong", 900, 3, 0.5),
-        cost(1.01, "phong", 900, 7, 0.5),
-        cost(1.01, "flat", 90, 9, 0.5),
-        cost(1.0, "gouraud", 50, 9, 0.5),
-        cost(9.0, "flat", 1, 1),
-    ]
-    assert order_by_cost(tied) == [2, 3, 0, 1, 4]
+def test_the_simplest_of_the_same_cost_is_enough_however_times_jitter() -> None:
+    within = Tolerance("relative", 1.0, 1.0)
+    simple, rich = combination(3, "flat", 1.0, 0.9), combination(9, "flat", 1.0, 0.1)
+    poor = combination(2, "phong", 1.0, 2.0)
+    for slower in (0.7, 1.0, 1.4):
+        noisy = combination(3, "flat", slower, 0.9)
+        answer = answer_for(sorted([noisy, rich, poor], key=lambda c: c.cost.fastest), within)
+        assert (answer.chosen, answer.cheaper, answer.equals) == (noisy, poor, (rich,))
+    # A clear difference counts, whatever is simpler.
+    dear = combination(3, "flat", 1.6, 0.9)
+    assert answer_for([rich, dear], within).chosen is rich
+    assert answer_for([rich, dear], within).richer == (dear,)
+    # Of equal models and work the shading that is taught first, of less work that one.
+    phong, flat = combination(3, "phong", 0.9, 0.5, 90), combination(3, "flat", 1.0, 0.9, 110)
+    assert answer_for([phong, flat], within).chosen is flat
+    busy = combination(3, "flat", 1.0, 0.9, 200)
+    assert answer_for([phong, busy], within).chosen is phong
+    # What is next cheaper has the same model where another shading fails, and no richer one.
+    best, coarse = combination(7, "phong", 2.0, 0.5, 300), combination(7, "gouraud", 1.0, 2.0, 100)
+    richer = combination(9, "flat", 0.5, 1.5, 50)
+    assert answer_for([richer, poor, coarse, best], within).cheaper is coarse
+    nothing = answer_for([poor, combination(3, "flat", 1.0, 4.0)], within)
+    assert nothing.chosen is None and nothing.cheaper is poor
+    assert answer_for([simple], within).cheaper is None
+
+
+def test_work_is_counted() -> None:
+    assert counted_work("phong", 1000, 2, 1000, 3) == 1000 * (12 + 6 + 12)
+    assert counted_work("gouraud", 100, 2, 1000, 3) == 100 * 30 + 54000
+    assert counted_work("flat", 200, 2, 1000, 3) == 200 * 30 + 12000
 
 
 def test_frames_take_turns() -> None:
