@@ -30,18 +30,17 @@ Channels are named ``LAYER.CHANNEL``, in 32-bit floating point, 1/sr:
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lobefit.fitting.bands import is_isotropic, is_scattered, pool
+from lobefit.fitting.exr import exr_header, exr_name, write_exr
 from lobefit.fitting.instrument_result import readings
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import FitResult
-from lobefit.kernels.errors import LobefitError
 
 __all__ = [
     "LAYERS",
@@ -51,7 +50,6 @@ __all__ = [
     "out_of_plane",
     "planes_of",
     "signed",
-    "write_exr",
     "write_lobes",
 ]
 
@@ -210,54 +208,11 @@ def write_lobes(path: Path, result: FitResult, measurement: Measurement) -> None
     """
     grid = make_grid(measurement, isotropic=is_isotropic(result))
     planes = {
-        f"{layer}.{_exr_name(channel)}": values[c]
+        f"{layer}.{exr_name(channel)}": values[c]
         for layer, values in _layers(grid, result, measurement).items()
         for c, channel in enumerate(measurement.channels)
     }
     write_exr(path, planes, _attributes(grid, result, measurement))
-
-
-def write_exr(
-    path: Path,
-    planes: Mapping[str, ArrayLike],
-    attributes: Mapping[str, str | tuple[float, ...]],
-) -> None:
-    """Write planes as 32-bit floats and make sure that the file holds them.
-
-    Parameters
-    ----------
-    path : Path
-        An ``.exr`` file; replaced if it exists.
-    planes : mapping of str to array_like, shape (height, width)
-        By the channel's name.
-    attributes : mapping of str to str or tuple of float
-        For the header.
-
-    Raises
-    ------
-    LobefitError
-        The file cannot be written, or does not hold what was written.
-    """
-    import OpenEXR
-
-    # Strided arrays are stored wrongly without an error (AcademySoftwareFoundation/openexr#1929).
-    pixels = {name: np.ascontiguousarray(p, dtype=np.float32) for name, p in planes.items()}
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,  # lossless, unlike PXR24, B44 and DWA
-        "type": OpenEXR.scanlineimage,
-        **attributes,
-    }
-    try:
-        OpenEXR.File(header, dict(pixels)).write(str(path))
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            stored = {name: channel.pixels for name, channel in file.channels().items()}
-    except (RuntimeError, OSError) as error:
-        raise LobefitError(f"{path.name} cannot be written: {error}") from error
-    same = stored.keys() == pixels.keys() and all(
-        np.array_equal(stored[name], values, equal_nan=True) for name, values in pixels.items()
-    )
-    if not same:
-        raise LobefitError(f"{path.name} does not read back as it was written; is the disk full?")
 
 
 def _layers(grid: Grid, result: FitResult, m: Measurement) -> dict[str, Array]:
@@ -348,30 +303,24 @@ def _nearest(axis: Array, angles: Array, period: float | None = None) -> Index:
     return np.clip(index, 0, len(axis) - 1)
 
 
-def _exr_name(channel: str) -> str:
-    """Write decimals with a comma, as spectral OpenEXR does: a dot would open a layer."""
-    return channel.replace(".", ",")
-
-
 def _attributes(grid: Grid, result: FitResult, m: Measurement) -> dict[str, str]:
-    """Describe the axes; strings only, which every version of OpenEXR keeps."""
+    """Describe the axes and the model."""
     rows = "incidence" if grid.layout == "in-plane" else "incidence, then phi_o - phi_i"
     columns = "signed theta_o" if grid.layout == "in-plane" else "theta_o"
     incidences = np.rad2deg(np.array(grid.incidences)).round(9).tolist()
-    band = {} if grid.width is None else {"lobefit:band_deg": f"{grid.width:g}"}
-    return {
-        "lobefit:schema": SCHEMA,
-        "lobefit:layout": grid.layout,
-        "lobefit:axes": f"rows from the top: {rows}; columns from the left: {columns}; degrees",
-        "lobefit:theta_o_deg": json.dumps(grid.theta.round(9).tolist()),
-        "lobefit:phi_deg": json.dumps(grid.phi.round(9).tolist()),
-        "lobefit:incidences_deg": json.dumps(incidences),
-        "lobefit:incidences_shown": f"{len(grid.incidences)} of {grid.n_incidences}",
+    band = {} if grid.width is None else {"band_deg": f"{grid.width:g}"}
+    about = {
+        "layout": grid.layout,
+        "axes": f"rows from the top: {rows}; columns from the left: {columns}; degrees",
+        "theta_o_deg": json.dumps(grid.theta.round(9).tolist()),
+        "phi_deg": json.dumps(grid.phi.round(9).tolist()),
+        "incidences_deg": json.dumps(incidences),
+        "incidences_shown": f"{len(grid.incidences)} of {grid.n_incidences}",
         **band,
-        "lobefit:unit": "1/sr",
-        "lobefit:channels": json.dumps(m.channels),
-        "lobefit:candidate": result.candidate,
-        "lobefit:params": json.dumps(result.params),
-        "lobefit:options": json.dumps(dict(result.options)),
-        "comments": __doc__.partition("\n\n")[2].strip(),
+        "unit": "1/sr",
+        "channels": json.dumps(m.channels),
+        "candidate": result.candidate,
+        "params": json.dumps(result.params),
+        "options": json.dumps(dict(result.options)),
     }
+    return exr_header(SCHEMA, __doc__, about)

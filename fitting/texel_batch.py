@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
-import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from lobefit import __version__
 from lobefit.fitting.engine import Ledger, Progress, Row, Runner, Work, open_crew, run
+from lobefit.fitting.texel_exr import REMEDY
 from lobefit.fitting.texel_files import TexelFolder, load_texels
 from lobefit.fitting.texel_noise import texel_noise
 from lobefit.fitting.texel_result import TexelFit
@@ -52,12 +51,15 @@ class TexelBatch:
         Seconds that all workers took together, without what is done once in each.
     chunks : int
         How many there were.
+    image : tuple of int, or None
+        Height and width, where the texels are a picture's.
     """
 
     folder: Path
     failed: Mapping[int, str]
     worked: float
     chunks: int
+    image: tuple[int, int] | None = None
 
     @property
     def fit(self) -> TexelFit:
@@ -136,8 +138,9 @@ def fit_texel_file(
     Parameters
     ----------
     source : path-like
-        See `lobefit.fitting.texel_source.open_texels`. The array of a ``.npz`` is unpacked into
-        `out` while it is fitted, since none can start in its middle.
+        See `lobefit.fitting.texel_source.open_texels`. What a ``.npz`` or OpenEXR files hold is
+        unpacked into `out` while it is fitted, since a chunk cannot start in its middle; that
+        takes as much disk as the readings do, and little memory.
     out : path-like
         Folder, made if it does not exist.
     models, noise, options, precision, device
@@ -176,11 +179,14 @@ def fit_texel_file(
     given = opened.directions if directions is None else directions
     if given is None:
         raise MeasurementError(
-            "holds no directions", file=path.name, expected="an array directions of shape (4, N)"
+            "holds no directions",
+            file=path.name,
+            expected=f"an array directions of shape (4, N) or, in OpenEXR, {REMEDY}",
         )
     angles = direction_angles(given)
     check_shapes(angles, opened.shape)
     texel_noise(noise)
+    image = opened.image
     total, samples, channels = opened.shape
     named = models if isinstance(models, str) else tuple(models)
     eligible(models, channels, options)
@@ -201,8 +207,8 @@ def fit_texel_file(
             ledger.forget(row.first for row in ledger.rows("failed"))
         stored = TexelFolder(folder, total)
         if ledger.missing([(0, total)]):
-            if path.is_file() and path.suffix != ".npy":
-                path = _unpacked(path, array, folder)
+            if not opened.seekable:
+                path = _unpacked(opened, folder / f"{UNPACKED}.{key[:16]}.npy")
                 opened, array = open_texels(path), ""
             crew = open_crew(jobs, scheduler, pool, shares_disk=shares_disk)
             most = READ_BYTES if crew.shares_disk else SENT_BYTES
@@ -232,7 +238,7 @@ def fit_texel_file(
             (folder / f"{UNPACKED}.tmp").unlink()
         for made in folder.glob(f"{UNPACKED}.*.npy"):
             made.unlink()
-        return TexelBatch(folder, failed, ledger.seconds(), ledger.chunk_count())
+        return TexelBatch(folder, failed, ledger.seconds(), ledger.chunk_count(), image)
 
 
 def _keep(stored: TexelFolder, first: int, stop: int, part: TexelFit) -> list[Row]:
@@ -242,22 +248,25 @@ def _keep(stored: TexelFolder, first: int, stop: int, part: TexelFit) -> list[Ro
     return [Row(first, stop)]
 
 
-def _unpacked(path: Path, array: str, folder: Path) -> Path:
-    """Copy an array out of a ``.npz``, whole or not at all; an earlier copy is good."""
-    stat = path.stat()
-    place = folder / f"{UNPACKED}.{stat.st_size:x}-{stat.st_mtime_ns:x}.npy"
-    if not place.exists():
-        temporary = folder / f"{UNPACKED}.tmp"
-        try:
-            with (
-                zipfile.ZipFile(path) as archive,
-                archive.open(f"{array}.npy") as packed,
-                temporary.open("wb") as plain,
-            ):
-                shutil.copyfileobj(packed, plain, 1 << 20)
-            temporary.replace(place)
-        except OSError as error:
-            raise LobefitError(f"cannot unpack {path.name} into {folder}: {error}") from error
+def _unpacked(source: TexelSource, place: Path) -> Path:
+    """Copy readings to where chunks can start anywhere, whole or not at all."""
+    if place.exists():
+        return place
+    temporary = place.parent / f"{UNPACKED}.tmp"
+    _, samples, channels = source.shape
+    most = max(READ_BYTES // (samples * channels * 4), 1)
+    if most > source.block:
+        most -= most % source.block
+    try:
+        with temporary.open("wb") as plain:
+            for first, values in source.chunks(most):
+                if not first:
+                    about = {"descr": values.dtype.str, "fortran_order": False}
+                    np.lib.format.write_array_header_1_0(plain, {**about, "shape": source.shape})
+                plain.write(np.ascontiguousarray(values).data)
+        temporary.replace(place)
+    except OSError as error:
+        raise LobefitError(f"cannot unpack the readings into {place.parent}: {error}") from error
     return place
 
 

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.exr import exr_header, write_exr
 from lobefit.fitting.texel_result import Reason, Status, TexelFit
 from lobefit.kernels import LobefitError, MeasurementError
 
@@ -304,9 +304,5 @@ def save_exr(fit: TexelFit, path: str | os.PathLike[str], height: int, width: in
     for name in ("model", "rmse", "scatter", "status", "reason"):
         add(name, getattr(fit, name))
     about = _about(fit)
-    attributes = {
-        "lobefit:schema": SCHEMA,
-        **{f"lobefit:{key}": json.dumps(about[key]) for key in about if key != "schema"},
-        "comments": (__doc__ or "").partition("\n\n")[2].strip(),
-    }
-    write_exr(Path(path), planes, attributes)
+    told = {key: json.dumps(about[key]) for key in about if key != "schema"}
+    write_exr(Path(path), planes, exr_header(SCHEMA, __doc__, told))

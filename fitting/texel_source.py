@@ -32,10 +32,19 @@ class TexelSource(ABC):
         (T, N, C).
     directions : ndarray, shape (4, N), or None
         theta_i, phi_i, theta_o, phi_o in radians, where they are stored beside the values.
+    image : tuple of int, or None
+        Height and width, where the texels are a picture, row by row from the top.
+    seekable : bool
+        Whether chunks can start anywhere at no cost.
+    block : int
+        Texels that are stored as one.
     """
 
     shape: tuple[int, int, int]
     directions: NDArray[np.float64] | None = None
+    image: tuple[int, int] | None = None
+    seekable: bool = True
+    block: int = 1
 
     @abstractmethod
     def chunks(
@@ -98,6 +107,7 @@ class _StreamSource(TexelSource):
 
     def __init__(self, path: Path, member: str | None, directions: Any = None) -> None:
         self.path, self.member = path, member
+        self.seekable = member is None
         self.directions = directions
         with self._open() as stream:
             shape, fortran, self.dtype = _header(stream, path)
@@ -154,7 +164,9 @@ def open_texels(path: str | os.PathLike[str], values: str = "values") -> TexelSo
     path : path-like
         A ``.npy`` array, a ``.npz`` or a Zarr group (a folder; needs `lobefit[zarr]`) with the
         array `values` and, beside it, `directions` of shape (4, N) or theta_i, phi_i, theta_o,
-        phi_o, in radians.
+        phi_o, in radians. Or an ``.exr`` file with a part for each pair of directions, or a
+        folder of such files, each with one or more (needs `lobefit[exr]`); what is in them is
+        told in `lobefit.fitting.texel_exr`.
     values : str
         Name of the array of readings, shape (T, N, C).
 
@@ -172,13 +184,18 @@ def open_texels(path: str | os.PathLike[str], values: str = "values") -> TexelSo
     place = Path(path)
     if not place.exists():
         raise MeasurementError("there is no such file", file=str(path))
+    pictures = sorted(place.glob("*.exr")) if place.is_dir() else [place]
+    if pictures and pictures[0].suffix.lower() == ".exr":
+        from lobefit.fitting.texel_exr import ExrSource
+
+        return ExrSource(pictures)
     if place.is_dir():
         return _open_zarr(place, values)
     if place.suffix == ".npy":
         return _StreamSource(place, None)
     if not zipfile.is_zipfile(place):
         raise MeasurementError(
-            "is neither .npy, .npz nor a Zarr folder",
+            "is neither .npy, .npz, .exr nor a folder of Zarr or OpenEXR",
             file=place.name,
             expected="an array of values",
         )
