@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -110,9 +110,11 @@ LONGEST = 60.0
 def scene(name: str, kills: int, chance: random.Random) -> dict[str, Any]:
     """Kill until it was so many times, wait for the rest, count."""
     kill, clustered = SCENES[name]
-    with tempfile.TemporaryDirectory() as temporary:
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        Cluster() if clustered else nullcontext() as cluster,
+    ):
         place = Path(temporary)
-        cluster = Cluster() if clustered else None
         # Work of two workers for as long as there will be kills, and some more.
         units = int(2 * sum(BETWEEN) / 2 * (kills + 3) / PAUSE)
         began, killed = time.monotonic(), 0
@@ -134,8 +136,6 @@ def scene(name: str, kills: int, chance: random.Random) -> dict[str, Any]:
             driver.process.kill()
             driver.process.wait()
             driver.log.close()
-            if cluster:
-                cluster.__exit__(None, None, None)
         return {"kills": killed, "units": units, "exit": code, **count(place, units)} | {
             "seconds": round(time.monotonic() - began, 1),
             # For whoever has to find out why; of no use where all went well.

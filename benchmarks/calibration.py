@@ -37,12 +37,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
-import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import AbstractContextManager, nullcontext, suppress
+from concurrent.futures import as_completed
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,6 +50,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from benchmarks.long_runs import KeptRows, single_core_processes
 from benchmarks.timing import machine
 from lobefit.fitting.priors import LogUniform, Prior
 from lobefit.fitting.space import NoiseModel
@@ -312,9 +311,7 @@ def calibrate(
     there = {(r["case"], r["number"]) for r in rows}
     jobs = [(name, k) for k in range(simulations) for name in names if (name, k) not in there]
     total = len(rows) + len(jobs)
-    # The runtime of OpenCL survives no fork; and each process keeps to one core.
-    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+    with single_core_processes(processes) as pool:
         made = [pool.submit(one, name, k, draws, kind, max_steps) for name, k in jobs]
         try:
             for future in as_completed(made):
@@ -324,17 +321,6 @@ def calibrate(
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             print("\ninterrupted: what follows is of the simulations that were done")
-    return rows
-
-
-def _kept(unfinished: Path, settings: Mapping[str, Any]) -> list[Row]:
-    """Read the rows of a run that was ended; the last line may be torn."""
-    rows = []
-    for text in unfinished.read_text(encoding="utf-8").splitlines():
-        with suppress(json.JSONDecodeError):
-            row = json.loads(text)
-            if {key: row.get(key) for key in settings} == settings:
-                rows.append(row)
     return rows
 
 
@@ -362,25 +348,18 @@ def main() -> None:
         print(table({name: record[name] for name in KNOWN if name in record}))
         return
     settings = {"draws": asked.draws, "broken": asked.kind, "max_steps": asked.max_steps}
-    unfinished = file.with_suffix(".partial.jsonl")
-    done = _kept(unfinished, settings) if asked.resume and unfinished.exists() else []
+    kept = KeptRows(file.with_suffix(".partial.jsonl"), settings, resume=asked.resume)
     began = time.perf_counter()
-
-    def write(rows: Iterable[Row]) -> None:
-        text = "".join(json.dumps({**row, **settings}) + "\n" for row in rows)
-        unfinished.write_text(text, encoding="utf-8")
+    old = len([r for r in kept.before if r["case"] in names and r["number"] < asked.simulations])
 
     def told(row: Row, count: int, total: int) -> None:
-        with unfinished.open("a", encoding="utf-8") as partial:
-            partial.write(json.dumps({**row, **settings}) + "\n")
+        kept.add(row)
         if count % 16 == 0 or count == total:
             pace = (time.perf_counter() - began) / max(count - old, 1)
             print(f"{count} of {total}, {pace * (total - count):.0f} s left", flush=True)
 
-    write(done)
-    old = len([r for r in done if r["case"] in names and r["number"] < asked.simulations])
     budget = (asked.simulations, asked.draws, asked.processes, asked.kind, asked.max_steps)
-    rows = calibrate(names, *budget, done=done, told=told)
+    rows = calibrate(names, *budget, done=kept.before, told=told)
     found = {name: summarise([r for r in rows if r["case"] == name], asked.draws) for name in names}
     print(table(found), flush=True)
     here = machine()
@@ -388,8 +367,7 @@ def main() -> None:
         record[name] = {"machine": here, "settings": repr(KNOWN[name]), **figures}
     file.write_text(json.dumps(record) + "\n", encoding="utf-8")
     if len(rows) == len(names) * asked.simulations:
-        others = [r for r in done if r["case"] not in names]
-        write(others) if others else unfinished.unlink()
+        kept.finish(r for r in kept.before if r["case"] not in names)
 
 
 if __name__ == "__main__":

@@ -16,18 +16,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.long_runs import KeptRows, single_core_processes
 from benchmarks.timing import machine
 
 __all__ = ["draw", "main", "picture", "run", "table"]
@@ -128,10 +126,8 @@ def run(
     there = {(r["model"], r["noise"], r["seed"]): r for r in done}
     rows = [there[job] for job in wanted if job in there]
     jobs = [job for job in wanted if job not in there]
-    # The runtime of OpenCL survives no fork; and each process keeps to one core.
-    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
     began = time.perf_counter()
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+    with single_core_processes(processes) as pool:
         for row in pool.map(partial(one, tolerance=tolerance, geometry=geometry), jobs):
             rows.append(row)
             if told is not None:
@@ -249,21 +245,16 @@ def main() -> None:
     asked = parser.parse_args()
     RESULTS.mkdir(exist_ok=True)
     settings = {"tolerance": asked.tolerance, "geometry": asked.geometry}
-    unfinished = RESULTS / "choice.partial.jsonl"
-    kept = unfinished.read_text(encoding="utf-8") if unfinished.exists() and asked.resume else ""
-    # The last line of a run that was ended may be torn.
-    lines = [json.loads(text) for text in kept.splitlines(keepends=True) if text.endswith("\n")]
-    done = [r for r in lines if {key: r[key] for key in settings} == settings]
-    unfinished.write_text("".join(json.dumps(r) + "\n" for r in done), encoding="utf-8")
+    kept = KeptRows(RESULTS / "choice.partial.jsonl", settings, resume=asked.resume)
 
     def told(row: dict[str, Any], count: int, total: int) -> None:
-        with unfinished.open("a", encoding="utf-8") as partial_rows:
-            partial_rows.write(json.dumps({**row, **settings}) + "\n")
+        kept.add(row)
         if count % 80 == 0:
             print(f"{count} of {total}", flush=True)
 
-    result = run(asked.sets, asked.processes, asked.tolerance, asked.geometry, done=done, told=told)
-    unfinished.unlink()
+    limits = (asked.tolerance, asked.geometry)
+    result = run(asked.sets, asked.processes, *limits, done=kept.before, told=told)
+    kept.finish()
     print(table(result), flush=True)
     record = json.dumps({"machine": machine(), **result}, indent=1)
     (RESULTS / "choice.json").write_text(record + "\n", encoding="utf-8")

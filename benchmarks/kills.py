@@ -33,8 +33,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.kills_worker import made_of
+from lobefit.service.rows import Limits, StoreError
 from lobefit.service.settings import VARIABLE, Settings
-from lobefit.service.store import Limits, Store, StoreError
+from lobefit.service.store import Store
 
 __all__ = ["main"]
 

@@ -16,7 +16,6 @@ numpyro and jax are no dependencies of the project: install them beside it to ru
 
 from __future__ import annotations
 
-import argparse
 import os
 import time
 from collections.abc import Callable
@@ -26,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.numpy_models import Geometry
-from benchmarks.posterior import MODEL, SIZES, simulated
-from lobefit.fitting import fit, sample
+from benchmarks.posterior import SIZES, sampled, sizes_asked, tangents
 from lobefit.fitting.chains import bulk_ess, tail_ess
 from lobefit.fitting.laplace import Laplace, laplace
 from lobefit.fitting.likelihood import Density
@@ -50,10 +48,8 @@ def _log_density(space: Space, m: Measurement) -> Callable[[Any], Any]:
     from jax.nn import log_sigmoid, sigmoid
 
     g = Geometry.of(m.theta_i, m.phi_i, m.theta_o, m.phi_o)
-    i_x, i_y = np.sin(m.theta_i) * np.cos(m.phi_i), np.sin(m.theta_i) * np.sin(m.phi_i)
-    o_x, o_y = np.sin(m.theta_o) * np.cos(m.phi_o), np.sin(m.theta_o) * np.sin(m.phi_o)
-    s_x, s_y, top = g.h_x / g.n_h, g.h_y / g.n_h, (1 + g.tan2_h) ** 2 / np.pi
-    rows = (g.n_i, g.n_o, i_x, i_y, o_x, o_y, s_x, s_y, top, g.schlick, m.values[0])
+    top = (1 + g.tan2_h) ** 2 / np.pi
+    rows = (g.n_i, g.n_o, *tangents(g, m), top, g.schlick, m.values[0])
     planes = [jnp.asarray(row) for row in rows]
     place = {name: k for k, name in enumerate(space.labels)}
     along_and_beside, beside, level = _weights(space, place)
@@ -171,12 +167,7 @@ def run(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
 
 
 def _run_size(n: int) -> dict[str, Any]:
-    m = simulated(n)
-    result = fit(m, MODEL).best
-    sample(result, m, seed=1, steps=20)  # compiles
-    began = time.perf_counter()
-    posterior = sample(result, m, seed=1)
-    seconds = time.perf_counter() - began
+    m, posterior, seconds = sampled(n)
     counted = len(posterior.chain)
     after = posterior.seconds * counted / (counted + posterior.warm_up)
     density = Density(posterior.space, m, get_device(), precision="double")
@@ -231,9 +222,7 @@ def table(record: dict[str, Any]) -> str:
 
 def main() -> None:
     """Run the sizes that were asked for, or the two that take a minute."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.nuts", description=__doc__)
-    parser.add_argument("sizes", nargs="*", type=int, metavar="SIZE", help="numbers of samples")
-    sizes = tuple(parser.parse_args().sizes) or SIZES[:2]
+    sizes = sizes_asked("benchmarks.nuts", __doc__, SIZES[:2])
     try:
         print(table(run(sizes)))
     except ImportError as error:

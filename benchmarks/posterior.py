@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import emcee
@@ -35,7 +36,7 @@ from lobefit.fitting.likelihood import Density
 from lobefit.fitting.posterior import Posterior
 from lobefit.kernels import evaluate, get_device
 
-__all__ = ["NumpyDensity", "main", "run", "table"]
+__all__ = ["NumpyDensity", "main", "run", "sampled", "sizes_asked", "table", "tangents"]
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,30 @@ def simulated(n: int) -> Measurement:
     )
 
 
+def tangents(g: Geometry, m: Measurement) -> tuple[Array, ...]:
+    """Give the tangential parts of both directions, and the half vector's slopes: i, o, s."""
+    i_x, i_y = np.sin(m.theta_i) * np.cos(m.phi_i), np.sin(m.theta_i) * np.sin(m.phi_i)
+    o_x, o_y = np.sin(m.theta_o) * np.cos(m.phi_o), np.sin(m.theta_o) * np.sin(m.phi_o)
+    return i_x, i_y, o_x, o_y, g.h_x / g.n_h, g.h_y / g.n_h
+
+
+def sampled(n: int) -> tuple[Measurement, Posterior, float]:
+    """Sample the posterior of so many values as a user would; gives the seconds it took too."""
+    m = simulated(n)
+    result = fit(m, MODEL).best
+    sample(result, m, seed=1, steps=20)  # compiles
+    began = time.perf_counter()
+    posterior = sample(result, m, seed=1)
+    return m, posterior, time.perf_counter() - began
+
+
+def sizes_asked(module: str, doc: str | None, usual: Sequence[int]) -> tuple[int, ...]:
+    """Read the sizes from the command line."""
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=doc)
+    parser.add_argument("sizes", nargs="*", type=int, metavar="SIZE", help="numbers of samples")
+    return tuple(parser.parse_args().sizes) or tuple(usual)
+
+
 class NumpyDensity:
     """The same log-probability in numpy, for emcee's ``vectorize=True``.
 
@@ -91,9 +116,7 @@ class NumpyDensity:
     def __init__(self, density: Density, dtype: DTypeLike) -> None:
         self._space, m = density.space, density.measurement
         g = Geometry.of(m.theta_i, m.phi_i, m.theta_o, m.phi_o)
-        i_x, i_y = np.sin(m.theta_i) * np.cos(m.phi_i), np.sin(m.theta_i) * np.sin(m.phi_i)
-        o_x, o_y = np.sin(m.theta_o) * np.cos(m.phi_o), np.sin(m.theta_o) * np.sin(m.phi_o)
-        s_x, s_y = g.h_x / g.n_h, g.h_y / g.n_h
+        i_x, i_y, o_x, o_y, s_x, s_y = tangents(g, m)
 
         def kept(*rows: Array) -> NDArray[Any]:
             return np.ascontiguousarray(np.stack(rows), dtype=dtype)
@@ -172,12 +195,7 @@ def run(rounds: int = 7, sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
 
 
 def _run_size(n: int, rounds: int) -> dict[str, Any]:
-    m = simulated(n)
-    result = fit(m, MODEL).best
-    sample(result, m, seed=1, steps=20)  # compiles
-    began = time.perf_counter()
-    posterior = sample(result, m, seed=1)
-    seconds = time.perf_counter() - began
+    m, posterior, seconds = sampled(n)
     density = Density(posterior.space, m, get_device())
     double = NumpyDensity(density, np.float64)
     single = NumpyDensity(density, np.float32)
@@ -270,9 +288,7 @@ def table(record: dict[str, Any]) -> str:
 
 def main() -> None:
     """Run the sizes that were asked for, or all."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.posterior", description=__doc__)
-    parser.add_argument("sizes", nargs="*", type=int, metavar="SIZE", help="numbers of samples")
-    print(table(run(sizes=tuple(parser.parse_args().sizes) or SIZES)))
+    print(table(run(sizes=sizes_asked("benchmarks.posterior", __doc__, SIZES))))
 
 
 if __name__ == "__main__":

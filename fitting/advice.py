@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import METRICS
+from lobefit.fitting.identifiability_result import Advice
 from lobefit.fitting.information import information
 from lobefit.fitting.point import PointFit
-from lobefit.fitting.polish import Curvature
+from lobefit.fitting.polish import Curvature, sums_at
 from lobefit.fitting.projection import solve_bounded
-from lobefit.fitting.result import Advice
 from lobefit.kernels.geometry import Directions
 from lobefit.kernels.sums import Observations
 
@@ -134,9 +134,8 @@ def _curvature(
         variance = noise[0][:, None] + noise[1][:, None] * f * f
         weights = np.divide(share, variance, out=np.zeros_like(f), where=variance > 0.0)
     data = Observations(directions, np.where(directions.visible, f, np.nan), weights, metric)
-    searched = bool(problem.candidate.searched)
-    sums = problem.sums(data, point.t, point.c, derivatives=searched)
-    data.release()
-    L = problem.column_map(point.t, point.c)[:, :, : sums.rhs.shape[2]]
-    matrix = L @ sums.gram[0] @ L.transpose(0, 2, 1)
-    return Curvature(point.curvature.matrix + matrix, point.curvature.gradient)
+    try:
+        added = sums_at(problem, point.t, point.c, data)[1].matrix
+    finally:
+        data.release()
+    return Curvature(point.curvature.matrix + added, point.curvature.gradient)

@@ -1,4 +1,4 @@
-"""Files of a fit: the report, the picture, the lobes and the samples, whole or not at all."""
+"""Files of a fit: report, picture, lobes, albedo and samples, whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+from lobefit.fitting.albedo_picture import write_albedo
 from lobefit.fitting.document import to_json
 from lobefit.fitting.figure import write_figure
 from lobefit.fitting.lobes import write_lobes
@@ -14,7 +16,10 @@ from lobefit.fitting.report import FitReport
 from lobefit.fitting.writers import write_measurement
 from lobefit.kernels.errors import LobefitError
 
-__all__ = ["save_report", "write_together"]
+__all__ = ["Makers", "save_report", "save_together", "write_json", "write_together"]
+
+Makers = Mapping[str, tuple[str, Callable[[Path], object]]]
+"""By kind, a file's name and what writes it at the path it is given."""
 
 
 def save_report(report: FitReport, folder: Path) -> dict[str, Path]:
@@ -34,22 +39,33 @@ def save_report(report: FitReport, folder: Path) -> dict[str, Path]:
     Returns
     -------
     dict of str to Path
-        "report" (report.json), "fit" (fit.png), "lobes" (lobes.exr) and "samples"
-        (samples.csv, the measurement as it was used).
+        "report" (report.json), "fit" (fit.png), "lobes" (lobes.exr), "albedo" (albedo.exr) and
+        "samples" (samples.csv, the measurement as it was used).
 
     Raises
     ------
     LobefitError
         The folder cannot be made or written to.
     """
-    makers: dict[str, tuple[str, Callable[[Path], object]]] = {
+    makers: Makers = {
         "fit": ("fit.png", lambda path: write_figure(path, report)),
         "lobes": ("lobes.exr", lambda path: write_lobes(path, report.best, report.measurement)),
+        "albedo": ("albedo.exr", lambda path: write_albedo(path, [report.best])),
         "samples": ("samples.csv", lambda path: write_measurement(report.measurement, path)),
-        "report": ("report.json", lambda path: _write_text(path, to_json(report.to_dict()) + "\n")),
+        "report": ("report.json", lambda path: write_json(path, report.to_dict())),
     }
+    return save_together(folder, makers)
+
+
+def save_together(folder: Path, makers: Makers) -> dict[str, Path]:
+    """Write files as `write_together` does; gives their paths by kind."""
     write_together(folder, dict(makers.values()))
     return {kind: folder / name for kind, (name, _) in makers.items()}
+
+
+def write_json(path: Path, document: Mapping[str, Any]) -> None:
+    """Write a document as strict JSON, see `lobefit.fitting.document.to_json`."""
+    path.write_text(to_json(document) + "\n", encoding="utf-8")
 
 
 def write_together(folder: Path, makers: Mapping[str, Callable[[Path], object]]) -> None:
@@ -82,7 +98,3 @@ def write_together(folder: Path, makers: Mapping[str, Callable[[Path], object]])
         if new:
             with suppress(OSError):  # an empty folder is of no use to anyone
                 folder.rmdir()
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")

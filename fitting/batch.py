@@ -12,14 +12,13 @@ from lobefit.fitting.artefacts import write_together
 from lobefit.fitting.batch_figure import write_batch_figure
 from lobefit.fitting.batch_inputs import Input, Item, items_of
 from lobefit.fitting.batch_item import Fitted, OpenBatch
-from lobefit.fitting.batch_table import table_makers
+from lobefit.fitting.batch_table import REPORT, table_makers
 from lobefit.fitting.engine import Ledger, Progress, Row, Work, open_crew, run
 from lobefit.kernels.errors import LobefitError
 
 __all__ = ["Batch", "fit_many"]
 
 LEDGER = "batch.sqlite"
-REPORT = "report.json"
 # Seconds of a chunk: fits of a second go one by one, quick ones together.
 CHUNK_SECONDS, MOST_ITEMS = 1.0, 64
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from lobefit import __version__
-from lobefit.fitting.dataset import METRICS
-from lobefit.kernels import FitError, LobefitError, MeasurementError, candidates
+from lobefit.fitting.asked import check_known
+from lobefit.kernels import LobefitError, MeasurementError, candidates
 
 __all__ = ["COLUMNS", "Input", "Item", "items_of"]
 
@@ -61,8 +61,7 @@ class Item:
     def check(self) -> None:
         """Raise a `LobefitError` for settings that no measurement can be fitted with."""
         candidates(self.models)
-        if self.metric != "auto" and self.metric not in METRICS:
-            raise FitError(f"metric is one of auto, {', '.join(METRICS)}; not {self.metric!r}")
+        check_known(self.metric)
 
 
 def _yes(text: str) -> bool:

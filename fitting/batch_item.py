@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lobefit.fitting.batch_inputs import Item
+from lobefit.fitting.batch_table import REPORT, item_row
 from lobefit.fitting.engine.worker import Runner
 from lobefit.kernels.errors import LobefitError
 
@@ -105,41 +107,4 @@ def _fit(item: Item, path: Path, folder: Path, device: str | None) -> Fitted:
     settings = {**report.settings, "sha256": item.digest or None, **added}
     report = replace(report, settings=settings)
     files = {place.name: place.read_bytes() for place in report.save(folder).values()}
-    best, m = report.best, report.measurement
-    row = {
-        "model": best.candidate,
-        "described": report.described,
-        "log10_rms": best.diagnostics.log10_rms,
-        "rmse": best.rmse,
-        "reduced_chi_square": best.diagnostics.reduced_chi_square,
-        "misfit": best.diagnostics.misfit_reason,
-        "metric": report.metric,
-        "directions": m.n_directions,
-        "incidences": len(m.distinct_incidences()),
-        "channels": m.n_channels,
-        "candidates": len(report.results),
-        "not_fitted": len(report.failed),
-        "seconds": report.seconds,
-        "verdict": report.verdict,
-        "parameters": [
-            {
-                "parameter": e.name,
-                "channel": e.channel,
-                "value": e.value,
-                "standard_error": e.standard_error,
-                "status": e.status,
-                "unit": e.unit,
-            }
-            for e in best.estimates
-        ],
-    }
-    return Fitted(files, {key: _finite(value) for key, value in row.items()})
-
-
-def _finite(value: Any) -> Any:
-    """Turn numbers that JSON lacks into None."""
-    if isinstance(value, list):
-        return [{k: _finite(v) for k, v in entry.items()} for entry in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
+    return Fitted(files, item_row(json.loads(files[REPORT])))

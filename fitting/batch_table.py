@@ -8,7 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ITEM_COLUMNS", "PARAMETER_COLUMNS", "table_makers"]
+__all__ = ["ITEM_COLUMNS", "PARAMETER_COLUMNS", "REPORT", "item_row", "table_makers"]
+
+REPORT = "report.json"
+"""The file of an item that its row is made of."""
 
 ITEM_COLUMNS: Mapping[str, type] = {
     "name": str,
@@ -43,7 +46,47 @@ PARAMETER_COLUMNS: Mapping[str, type] = {
 }
 """Columns of ``parameters.csv``: the best model's."""
 
+_OF_ESTIMATE = ("channel", "value", "standard_error", "status", "unit")
+
 Rows = Sequence[Mapping[str, Any]]
+
+
+def item_row(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what the table says of an item that was fitted.
+
+    Parameters
+    ----------
+    report : mapping
+        The document of report.json.
+
+    Returns
+    -------
+    dict
+        Its columns of the table but for name, file, status and reason, and "parameters", a list
+        of dicts.
+    """
+    best, measured = report["results"][0], report["measurement"]
+    diagnostics = best["diagnostics"]
+    return {
+        "model": best["candidate"],
+        "described": report["described"],
+        "log10_rms": diagnostics["log10_rms"],
+        "rmse": best["rmse"],
+        "reduced_chi_square": diagnostics["reduced_chi_square"],
+        "misfit": diagnostics["misfit_reason"],
+        "metric": report["metric"],
+        "directions": measured["rows"]["used"],
+        "incidences": measured["incidences"],
+        "channels": len(measured["channels"]),
+        "candidates": len(report["results"]),
+        "not_fitted": len(report["failed"]),
+        "seconds": report["seconds"],
+        "verdict": report["verdict"],
+        "parameters": [
+            {"parameter": e["name"], **{key: e[key] for key in _OF_ESTIMATE}}
+            for e in best["estimates"]
+        ],
+    }
 
 
 def table_makers(rows: Rows) -> dict[str, Callable[[Path], object]]:

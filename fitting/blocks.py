@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.measurement import Measurement
 
-__all__ = ["Blocks", "find_blocks"]
+__all__ = ["Blocks", "find_blocks", "signed_theta_o"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -80,30 +80,17 @@ def find_blocks(measurement: Measurement) -> Blocks:
             "bands of incidence",
             f"the incidences scatter: {count} bands of theta_i with equal numbers of rows",
         )
-    polar = int(theta.max()) + 1
-    if polar > MOST:
-        return Blocks(
-            _pooled(theta, MOST),
-            "bands of incidence",
-            f"{polar} angles of incidence in {MOST} bands of neighbouring ones",
-        )
-    if polar >= ENOUGH:
-        return Blocks(theta, "incidences", f"{polar} angles of incidence")
+    if found := _whole(theta, "angles of incidence"):
+        return found
     # At the pole the azimuth is no direction of its own.
     azimuth = _groups(np.where(m.theta_i < WIDEST, 0.0, np.mod(m.phi_i + SAME, 2.0 * np.pi)))
     incidence = theta
     if azimuth is not None:
         both = theta * (int(azimuth.max()) + 1) + azimuth
         incidence = np.unique(both, return_inverse=True)[1].reshape(-1)
+    if found := _whole(incidence, "directions of incidence"):
+        return found
     count = int(incidence.max()) + 1
-    if count > MOST:
-        return Blocks(
-            _pooled(incidence, MOST),
-            "bands of incidence",
-            f"{count} directions of incidence in {MOST} groups of neighbouring ones",
-        )
-    if count >= ENOUGH:
-        return Blocks(incidence, "incidences", f"{count} directions of incidence")
     labels = _ranges(m, incidence, -(-ENOUGH // count))
     plural = "s are" if count > 1 else " is"
     return Blocks(
@@ -112,6 +99,21 @@ def find_blocks(measurement: Measurement) -> Blocks:
         f"{count} incidence{plural} too few to leave out one at a time: "
         f"{int(labels.max()) + 1} contiguous ranges of theta_o instead",
     )
+
+
+def signed_theta_o(m: Measurement) -> Array:
+    """Give theta_o, negative on the side of the light, shape (N,)."""
+    forward = np.cos(m.phi_o - m.phi_i) < 0.0
+    return np.where(forward, m.theta_o, -m.theta_o)
+
+
+def _whole(incidence: Index, what: str) -> Blocks | None:
+    """Leave out incidences as they are, or pooled where they are many; None where they are few."""
+    count = int(incidence.max()) + 1
+    if count > MOST:
+        note = f"{count} {what} in {MOST} bands of neighbouring ones"
+        return Blocks(_pooled(incidence, MOST), "bands of incidence", note)
+    return Blocks(incidence, "incidences", f"{count} {what}") if count >= ENOUGH else None
 
 
 def _groups(angle: Array) -> Index | None:
@@ -144,9 +146,8 @@ def _pooled(groups: Index, count: int) -> Index:
 
 
 def _ranges(m: Measurement, incidence: Index, pieces: int) -> Index:
-    """Cut each incidence into ranges of theta_o, negative on the side of the light."""
-    forward = np.cos(m.phi_o - m.phi_i) < 0.0
-    signed = np.where(forward, m.theta_o, -m.theta_o)
+    """Cut each incidence into ranges of theta_o."""
+    signed = signed_theta_o(m)
     labels = np.empty(len(signed), dtype=np.intp)
     made = 0
     for k in range(int(incidence.max()) + 1):

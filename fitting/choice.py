@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.blocks import Blocks, find_blocks
-from lobefit.fitting.dataset import METRICS, Dataset
+from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.left_out import block_scores
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.selection import (
@@ -28,6 +28,7 @@ from lobefit.fitting.selection import (
     rank,
     relative_change,
     simplest,
+    sum_error,
 )
 
 __all__ = ["Choice", "Contender", "LeftOut", "choose"]
@@ -135,7 +136,7 @@ def choose(entrants: Sequence[Contender], dataset: Dataset, tolerance: float | N
     -------
     Choice
     """
-    likely = METRICS[dataset.metric] == "identity"
+    likely = dataset.has_likelihood
     if len(entrants) == 1:
         return Choice(
             order=(0,),
@@ -160,7 +161,7 @@ def choose(entrants: Sequence[Contender], dataset: Dataset, tolerance: float | N
     predicted: dict[int, Array] = {}
     if blocks.count >= FEWEST and len(rivals) + len(onlookers) > 1:
         for k in (*rivals, *onlookers):
-            found = block_scores(entrants[k].fit, dataset, blocks)
+            found = block_scores(entrants[k].fit, blocks)
             if np.isfinite(found).all():
                 predicted[k] = found
     contested = [k for k in rivals if k in predicted]
@@ -229,7 +230,7 @@ class _Reason:
         if k not in self.predicted or self.chosen not in self.predicted:
             return None
         difference = self.predicted[self.chosen] - self.predicted[k]
-        lead, error = float(difference.sum()), _error(difference)
+        lead, error = float(difference.sum()), sum_error(difference)
         if not self.likely:  # of squares; half of that, relatively, of their root
             squares = max(-float(self.predicted[self.chosen].sum()), 1e-300)
             lead, error = 0.5 * lead / squares, 0.5 * error / squares
@@ -242,9 +243,9 @@ class _Reason:
         return LeftOut(
             candidate=self.entrants[k].name,
             score=total if self.likely else float(np.sqrt(-total / self.values)),
-            standard_error=_error(blocks)
+            standard_error=sum_error(blocks)
             if self.likely
-            else 0.5 * _error(blocks) / float(np.sqrt(max(-total, 1e-300) * self.values)),
+            else 0.5 * sum_error(blocks) / float(np.sqrt(max(-total, 1e-300) * self.values)),
             lead=lead,
             lead_error=error,
             blocks=tuple(blocks.tolist()),
@@ -270,7 +271,8 @@ class _Reason:
         if entrants[second].size == own.size:
             label = f"of its own size, {entrants[second].name}"
             parts.append(f"{label} {self._against(second, changes)}")
-        return f"Why {own.name} ({own.size} parameters): {'; '.join(parts)}."
+        size = "1 parameter" if own.size == 1 else f"{own.size} parameters"
+        return f"Why {own.name} ({size}): {'; '.join(parts)}."
 
     def _against(self, k: int, changes: dict[str, float]) -> str:
         """Say what speaks against another candidate."""
@@ -310,8 +312,3 @@ class _Reason:
         said = f"predicts left-out {self.blocks.kind} {way} by {figures}"
         within = richer and lead < 0.0 and -lead <= error
         return f"{said} (no more than one standard error)" if within else said
-
-
-def _error(blocks: Array) -> float:
-    """Give the standard error of a sum over blocks."""
-    return float(np.sqrt(len(blocks) * np.var(blocks, ddof=1)))

@@ -87,7 +87,7 @@ class Dataset:
         self.precision: Precision = "double" if m.n_directions <= DOUBLE_UP_TO else "single"
         self.uses_sigma = metric == "chi2" and m.sigma is not None
         # Otherwise the noise is estimated from the residuals, or the metric has none.
-        self.estimates_noise = METRICS[metric] == "identity" and not self.uses_sigma
+        self.estimates_noise = self.has_likelihood and not self.uses_sigma
         start = self._start_weights()
         uploaded: dict[int, Directions] = {}
         self._observed: list[tuple[Observations, NDArray[np.intp] | slice]] = []
@@ -145,6 +145,11 @@ class Dataset:
             self._logarithmic.directions = self.search.directions
         for old in before.values():
             old.release()
+
+    @property
+    def has_likelihood(self) -> bool:
+        """Whether the metric weighs plain residuals by their noise; the others have no BIC."""
+        return METRICS[self.metric] == "identity"
 
     @property
     def extra_parameters(self) -> int:
@@ -219,7 +224,7 @@ class Dataset:
         """Put the weights back that every candidate starts with."""
         if self._started:
             return
-        identity = METRICS[self.metric] == "identity"
+        identity = self.has_likelihood
         self.set_weights(self._start_weights() if identity else np.ones(self.used.shape))
         self._started = True
 

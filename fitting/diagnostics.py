@@ -11,7 +11,7 @@ from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.result import Decade, Outliers
 from lobefit.kernels.geometry import Directions
 
-__all__ = ["BySize", "by_size", "outliers", "regions", "rmse", "worst_regions"]
+__all__ = ["CORRELATED", "BySize", "by_size", "outliers", "regions", "rmse", "worst_regions"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,6 +25,8 @@ OUTLYING = 8.0
 ENOUGH = 16_384
 # Regions of 15 degrees from the normal to the horizon.
 SIDE = 7
+# Residuals correlated over more values than this are misfit, which more values do not average out.
+CORRELATED = 2.0
 KINDS = ("forward", "backward", "sideways", "at the mirror direction", "at retro-reflection")
 
 

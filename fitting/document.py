@@ -169,11 +169,7 @@ def _result(r: FitResult, rank: int, lowest_bic: float) -> dict[str, Any]:
         "params": r.params,
         "n_parameters": r.n_parameters,
         "estimates": [dataclasses.asdict(e) for e in r.estimates],
-        "covariance_of": [
-            e.name if e.channel is None else f"{e.name}[{e.channel}]"
-            for e in r.estimates
-            if e.status != "fixed"
-        ],
+        "covariance_of": [e.label for e in r.estimates if not e.held],
         "covariance": r.covariance,
         "rmse": r.rmse,
         "bic": r.bic,

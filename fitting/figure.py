@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit import __version__
 from lobefit.fitting.bands import is_isotropic
 from lobefit.fitting.panels import Panel, Panels, Residuals, choose_channels, choose_panels
+from lobefit.fitting.pictures import new_figure, write_png
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult
-from lobefit.fitting.tables import flags, with_error
+from lobefit.fitting.tables import HELD, flags, with_error
 from lobefit.kernels import get_model
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ WAVELENGTH = re.compile(r"^\D*(\d+(?:[.,]\d+)?)\s*(?:nm|um|µm)?$")
 
 def write_figure(path: Path, report: FitReport) -> None:
     """Draw the best result and write it as PNG; the same report gives the same bytes."""
-    figure = draw_figure(report)
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": f"lobefit {__version__}"})
+    write_png(path, draw_figure(report), DPI)
 
 
 def draw_figure(report: FitReport) -> Figure:
@@ -62,9 +61,6 @@ def draw_figure(report: FitReport) -> Figure:
     matplotlib.figure.Figure
         With its own Agg canvas; no global state of matplotlib is touched.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     panels = choose_panels(report.measurement, isotropic=is_isotropic(report.best))
     count = len(panels.chosen)
     blocks = 1 if count <= 4 else 2
@@ -74,8 +70,7 @@ def draw_figure(report: FitReport) -> Figure:
     head = _headline(report, panels, width)
     foot = 0.5 if panels.in_plane else 0.8
     heights = [0.3 + 0.2 * len(head), (2.3 + lower) * blocks + foot]
-    figure = Figure(figsize=(width, sum(heights)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(width, sum(heights))
     parts = figure.add_gridspec(2, 1, height_ratios=heights)
     top, body = figure.add_subfigure(parts[0]), figure.add_subfigure(parts[1])
     for k, (text, style) in enumerate(head):
@@ -358,8 +353,7 @@ def _parameter_texts(result: FitResult) -> list[str]:
         own = [e for e in result.estimates if e.name == name]
         unit = "" if own[0].unit == "1" else f" {own[0].unit}"
         if len(own) == 1:
-            held = " (held)" if own[0].status == "fixed" else ""
-            value = with_error(own[0].value, own[0].standard_error) + held
+            value = with_error(own[0].value, own[0].standard_error) + HELD.get(own[0].status, "")
         elif len({e.value for e in own}) == 1:
             value = f"{own[0].value:.4g}"
         elif len(own) <= 3:

@@ -10,9 +10,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.asked import (
+    check_channels,
+    check_metric,
+    check_options,
+    chosen_candidates,
+    chosen_metric,
+)
 from lobefit.fitting.choice import Choice, Contender, choose
-from lobefit.fitting.dataset import METRICS, Dataset
-from lobefit.fitting.diagnostics import by_size, outliers, rmse, worst_regions
+from lobefit.fitting.dataset import Dataset
+from lobefit.fitting.diagnostics import CORRELATED, by_size, outliers, rmse, worst_regions
 from lobefit.fitting.identifiability import with_identifiability
 from lobefit.fitting.instrument import Instrument
 from lobefit.fitting.instrument_fit import fit_behind
@@ -34,13 +41,10 @@ from lobefit.fitting.selection import BIC_MARGIN, RMS_MARGIN, bic
 from lobefit.fitting.uncertainty import estimates
 from lobefit.fitting.verdict import verdict
 from lobefit.kernels import (
-    Candidate,
     Device,
-    DeviceError,
     FitError,
+    LobefitError,
     MeasurementError,
-    ModelError,
-    candidates,
     get_device,
 )
 
@@ -49,8 +53,6 @@ __all__ = ["Progress", "fit"]
 Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
-# Residuals correlated over more than two values are misfit, not noise.
-CORRELATED = 2.0
 # rms of log10 above which a misfit is too large to call the surface described.
 DESCRIBED = 0.1
 
@@ -78,7 +80,7 @@ def _judge(dataset: Dataset, point: PointFit) -> _Judged:
     residuals, deviance = dataset.residuals(point.values), None
     if point.nu is not None:
         deviance = student_deviance(residuals, point.sigma**2, dataset.used, point.nu)
-    elif METRICS[dataset.metric] == "identity":
+    elif dataset.has_likelihood:
         deviance = gaussian_deviance(residuals, point.sigma**2, dataset.used)
     residuals /= point.sigma
     residuals[~dataset.used] = np.nan
@@ -264,19 +266,13 @@ def fit(
             f"fit takes a Measurement, not {type(measurement).__name__}; "
             "read a file with read_measurement first"
         )
-    if metric == "auto":
-        metric = "chi2" if measurement.sigma is not None else "relative"
-    if metric not in METRICS:
-        raise FitError(f"metric is one of auto, {', '.join(METRICS)}; not {metric!r}")
+    metric = chosen_metric(measurement, metric)
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
         raise FitError(f"tolerance is a relative error such as 0.01, not {tolerance!r}")
-    _check_metric(metric, student, instrument)
-    wanted = candidates(models)
-    is_set = isinstance(models, str) and models in ("quick", "standard", "all")
-    if is_set and not measurement.has_azimuthal_evidence:
-        wanted = [c for c in wanted if c.isotropic]
-    _check_options(wanted, options)
-    _check_channels(measurement)
+    check_metric(metric, student, instrument)
+    wanted = chosen_candidates(measurement, models)
+    check_options(wanted, options)
+    check_channels(measurement)
     opened = get_device(device)
     made = partial(Dataset, measurement, metric, opened, instrument, student=student, how=search)
     datasets = [dataset := made()]
@@ -298,7 +294,7 @@ def fit(
                         datasets.append(made())
                     point = fit_behind(chosen, datasets[-1], instrument)
                 judged.append(_judge(dataset, point))
-            except (DeviceError, FitError, MeasurementError, ModelError) as error:
+            except LobefitError as error:
                 failed.append(FailedFit(candidate.name, str(error)))
                 if not judged and candidate is wanted[-1]:
                     raise
@@ -321,7 +317,9 @@ def fit(
         results=tuple(results),
         failed=tuple(failed),
         described=described,
-        verdict=verdict(measurement, results, described, metric, choice.sentence),
+        verdict=verdict(
+            measurement, results, described, metric, dataset.distinct_directions, choice.sentence
+        ),
         choice=choice,
         seconds=time.perf_counter() - began,
         settings={
@@ -337,42 +335,6 @@ def fit(
             "device": dataset.device.info.id,
         },
     )
-
-
-def _check_metric(metric: str, student: bool, instrument: Instrument | None) -> None:
-    """Raise a `FitError` for what needs a likelihood with a metric that has none."""
-    needs = ["Student's t"] if student else []
-    if instrument is not None:
-        needs += ["a tilt"] if instrument.tilt else []
-        needs += ["a gain"] if instrument.gain is not None else []
-    if needs and METRICS[metric] != "identity":
-        verb = "goes" if len(needs) == 1 else "go"
-        raise FitError(
-            f"{' and '.join(needs)} {verb} with the metric chi2 or relative only, not {metric}"
-        )
-    if metric == "cosine_log" and instrument is not None and instrument.bends:
-        raise FitError("an aperture needs another metric than cosine_log")
-
-
-def _check_channels(m: Measurement) -> None:
-    """Raise a `MeasurementError` for a channel that reflects nothing anywhere."""
-    for channel, values in zip(m.channels, m.values, strict=True):
-        if not np.any(values > 0.0):
-            raise MeasurementError(
-                "the channel has no value above zero; leave it out",
-                file=m.source or None,
-                column=channel,
-            )
-
-
-def _check_options(wanted: list[Candidate], options: Mapping[str, str] | None) -> None:
-    """Raise a `ModelError` for an option that no candidate has."""
-    known = {key for c in wanted for key in c.model.allowed}
-    for key in options or {}:
-        if key not in known:
-            raise ModelError(
-                f"no candidate has the option {key!r}; there are: {', '.join(sorted(known)) or 'none'}"
-            )
 
 
 def _ranked(

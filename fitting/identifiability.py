@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.advice import advise
-from lobefit.fitting.dataset import METRICS
+from lobefit.fitting.identifiability_evidence import Evidence, evidence
 from lobefit.fitting.identifiability_limits import VAGUE, limits_of
 from lobefit.fitting.identifiability_lost import Lost, lost_errors
 from lobefit.fitting.identifiability_noise import NoiseFreedom
+from lobefit.fitting.identifiability_result import Advice, Combination, Identifiability
 from lobefit.fitting.identifiability_texts import sentences
-from lobefit.fitting.information import Information, information_of_all
+from lobefit.fitting.information import Information
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.resolution import unresolved_peak
-from lobefit.fitting.result import Combination, FitResult, Identifiability, Limit
-from lobefit.fitting.robust import student_spread
+from lobefit.fitting.result import FitResult
 
 __all__ = ["identifiability", "with_identifiability"]
 
@@ -65,8 +65,9 @@ def with_identifiability(
     full = next((r for r in results if r.candidate == best.model != best.candidate), None)
     held = None
     if full is not None and full.options == best.options:
-        held = identifiability(fits[full.candidate], full, limits=False)[0]
-    found, lost = identifiability(fits[best.candidate], best, held=held)
+        held = evidence(fits[full.candidate], full)
+    fit = fits[best.candidate]
+    found, lost = identifiability(evidence(fit, best, unresolved_peak(fit)), held)
     estimates = tuple(
         replace(e, standard_error=None, status="undetermined")
         if (e.name, e.channel) in lost.errors
@@ -76,63 +77,47 @@ def with_identifiability(
     return [replace(best, identifiability=found, estimates=estimates), *results[1:]]
 
 
-def identifiability(
-    fit: PointFit, result: FitResult, *, held: Identifiability | None = None, limits: bool = True
-) -> tuple[Identifiability, Lost]:
+def identifiability(known: Evidence, held: Evidence | None = None) -> tuple[Identifiability, Lost]:
     """Find out what the data of a fit do not determine, and whose errors mean nothing.
 
     Parameters
     ----------
-    fit : PointFit
-        Its dataset is still on the device; its weights are changed.
-    result : FitResult
-        The same, judged.
-    held : Identifiability, optional
+    known : Evidence
+        Of a fit whose dataset is still on the device; its weights are changed.
+    held : Evidence, optional
         That of the full model, where this candidate holds parameters.
-    limits : bool
-        Whether to look for limits.
 
     Returns
     -------
     Identifiability
     Lost
-        Of `limits` only.
     """
-    scale = variance_scale(fit, result)
-    every = information_of_all(fit, fit.polished.curvature, scale)
-    d = result.diagnostics
-    freedom = NoiseFreedom(fit, every, scale, d.samples / max(d.effective_samples, 1.0))
-    combinations = _combinations(fit, result, every, freedom)
-    worst, worst_error, where = _worst(every)
-    peak = unresolved_peak(fit) if limits else None
-    lost = lost_errors(fit, result, every, scale, peak, freedom) if limits else Lost()
-    found: tuple[Limit, ...] = ()
-    if limits:
-        found = limits_of(
-            fit, result, every, combinations, scale, peak, freedom, lost.without_limits
-        )
+    result, candidate, peak = known.result, known.fit.problem.candidate, known.peak
+    combinations = _combinations(known)
+    worst, worst_error, where = _worst(known.every)
+    lost = lost_errors(known)
+    found = limits_of(known, combinations, lost.without_limits)
     advice = None
     # Across an unresolved peak it is finer steps that help, not another incidence.
     narrowing = {*peak.narrowing, *lost.beside} if peak else set()
     hopeless = any(worst in c.parameters and narrowing & {*c.parameters} for c in combinations)
     # About what may as well not be there, its present shape says nothing.
     hopeless |= worst in {name for name, _ in lost.errors}
-    if worst_error > VAGUE and worst not in narrowing and not hopeless:
-        advice = advise(fit, scale, worst, where)
-    shared = [p.name for p in fit.problem.candidate.shared]
-    one = worst in shared or len(result.channels) == 1
+    if worst not in narrowing and not hopeless:
+        advice = _advice(known)
+    one = worst in [p.name for p in candidate.shared] or len(result.channels) == 1
     assumed: tuple[Combination, ...] = ()
     if held is not None:
-        fixed = {*fit.problem.candidate.fixed}
-        assumed = tuple(c for c in held.combinations if fixed & {*c.parameters})
+        fixed = {*candidate.fixed}
+        assumed = tuple(c for c in _combinations(held) if fixed & {*c.parameters})
         # What some channels cannot tell, the others may.
         if 2 * len(assumed) < len(result.channels):
             assumed = ()
         if advice is None and assumed:
-            advice = held.advice
+            advice = _advice(held)
     product = None
     if peak is not None and peak.sampled and lost.beside and not combinations:
-        product = _height_times_width(result, every, peak.narrowing, lost.beside, freedom)
+        product = _height_times_width(known, peak.narrowing, lost.beside)
     said = Identifiability(
         worst=worst if one or not worst else f"{worst}[{result.channels[where]}]",
         worst_error=worst_error,
@@ -144,20 +129,10 @@ def identifiability(
     return said, lost
 
 
-def variance_scale(fit: PointFit, result: FitResult) -> float:
-    """Give the variance of the residuals in units of the objective, correlation included."""
-    dataset, d = fit.problem.dataset, result.diagnostics
-    correlation = d.samples / max(d.effective_samples, 1.0)
-    if fit.nu is not None:
-        r = dataset.residuals(fit.values) / fit.sigma
-        spread = student_spread(r[dataset.used], fit.nu, fit.dof)
-        return spread * (1.0 if dataset.uses_sigma else correlation)
-    if dataset.uses_sigma:
-        # A misfit lets nothing be known better than it allows.
-        return max(1.0, d.reduced_chi_square * correlation) if d.misfit_limited else 1.0
-    if METRICS[dataset.metric] == "identity":
-        return d.reduced_chi_square * correlation
-    return fit.polished.value / fit.dof * correlation
+def _advice(known: Evidence) -> Advice | None:
+    """Say what would help, where something is vague."""
+    worst, error, where = _worst(known.every)
+    return advise(known.fit, known.scale, worst, where) if error > VAGUE else None
 
 
 def _worst(every: Sequence[Information]) -> tuple[str, float, int]:
@@ -169,12 +144,11 @@ def _worst(every: Sequence[Information]) -> tuple[str, float, int]:
     return worst, error, where
 
 
-def _combinations(
-    fit: PointFit, result: FitResult, every: Sequence[Information], freedom: NoiseFreedom
-) -> tuple[Combination, ...]:
-    shared = {p.name for p in fit.problem.candidate.shared}
+def _combinations(evidence: Evidence) -> tuple[Combination, ...]:
+    result = evidence.result
+    shared = {p.name for p in evidence.fit.problem.candidate.shared}
     found: list[Combination] = []
-    for channel, known in enumerate(every):
+    for channel, known in enumerate(evidence.every):
         covariance, errors = known.covariance, known.errors
         correlation = covariance / np.outer(errors, errors)
         left = [int(k) for k in np.argsort(-errors) if errors[k] > VAGUE]
@@ -193,7 +167,7 @@ def _combinations(
                 if {*names} <= shared or len(result.channels) == 1
                 else result.channels[channel]
             )
-            text, value, error = _product(known, members, freedom, channel)
+            text, value, error = _product(known, members, evidence.freedom, channel)
             combination = Combination(
                 parameters=_in_order(names, result),
                 channel=label,
@@ -245,16 +219,12 @@ def _product(
 
 
 def _height_times_width(
-    result: FitResult,
-    every: Sequence[Information],
-    widths: Iterable[str],
-    heights: Sequence[str],
-    freedom: NoiseFreedom,
+    evidence: Evidence, widths: Iterable[str], heights: Sequence[str]
 ) -> tuple[str, float, float] | None:
     """Give what is known of a peak that is not resolved, of one channel: its product."""
-    if len(result.channels) > 1:
+    if len(evidence.every) > 1:
         return None
-    (known,) = every
+    (known,), freedom = evidence.every, evidence.freedom
     for names in pairs(heights, widths):
         if {*names} <= {*known.names}:
             text, value, error = _product(known, [known.names.index(n) for n in names], freedom, 0)

@@ -7,12 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from lobefit.fitting.identifiability_noise import NoiseFreedom
-from lobefit.fitting.information import Information
+from lobefit.fitting.identifiability_evidence import Evidence
+from lobefit.fitting.identifiability_result import Combination, Limit
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.profile import LEVEL, Profile, restore_weights
-from lobefit.fitting.resolution import Peak
-from lobefit.fitting.result import Combination, FitResult, Limit, ParameterEstimate
+from lobefit.fitting.result import ParameterEstimate
 
 __all__ = ["RULED_OUT", "VAGUE", "limits_of"]
 
@@ -28,36 +27,22 @@ AGAIN = 3
 
 
 def limits_of(
-    fit: PointFit,
-    result: FitResult,
-    every: Sequence[Information],
+    evidence: Evidence,
     combinations: Sequence[Combination],
-    scale: float,
-    peak: Peak | None,
-    freedom: NoiseFreedom,
     without: Container[tuple[str, str | None]],
 ) -> tuple[Limit, ...]:
     """Give limits of what lies on a bound, is vague by itself, or follows from the tails alone.
 
     Parameters
     ----------
-    fit : PointFit
-        Its dataset is still on the device; its weights are changed.
-    result : FitResult
-        The same, judged.
-    every : sequence of Information
-        Of each channel.
+    evidence : Evidence
+        Of a fit whose dataset is still on the device; its weights are changed.
     combinations : sequence of Combination
         Parameters that cannot be told apart.
-    scale : float
-        Variance in units of the objective.
-    peak : Peak or None
-        A peak that the readings do not resolve.
-    freedom : NoiseFreedom
-        How well the noise is known.
     without : container of (str, str or None)
         Names and channels that a limit would say nothing of.
     """
+    fit, result = evidence.fit, evidence.result
     linear = {p.name for p in fit.problem.candidate.solved}
     # Of two scales that only have a product, limits would say little.
     spared = {
@@ -66,28 +51,28 @@ def limits_of(
         if {*c.parameters} <= linear
         for name in c.parameters
     }
-    narrowing = peak.narrowing if peak else {}
+    narrowing = evidence.peak.narrowing if evidence.peak else {}
     wanted: list[tuple[float, ParameterEstimate, int]] = []
     for e in result.estimates:
-        channel = result.channels.index(e.channel) if e.channel in result.channels else 0
-        known = every[channel]
+        channel = evidence.row_of(e)
+        known = evidence.every[channel]
         error = float(known.errors[known.names.index(e.name)]) if e.name in known.names else np.inf
         at = e.status in ("lower", "upper", "undetermined") or e.name in narrowing
         ratio_of_nothing = e.status == "undetermined" and e.standard_error is None and not e.value
         label = e.channel if len(result.channels) > 1 else None
-        if e.status in ("fixed", "tied") or (e.name, label) in spared or ratio_of_nothing:
+        if e.held or (e.name, label) in spared or ratio_of_nothing:
             continue
         if (e.name, e.channel) in without:
             continue
         if at or error > VAGUE or _beside_a_bound(fit, e):
             wanted.append((error, e, channel))
-    if not wanted or not scale > 0.0:
+    if not wanted or not evidence.scale > 0.0:
         return ()
     restore_weights(fit)
     found = []
     for count, (error, e, channel) in enumerate(wanted):
         if count < PROFILES:
-            limit = _profiled(fit, e, channel, error, scale, narrowing.get(e.name, 0), freedom)
+            limit = _profiled(evidence, e, channel, error, narrowing.get(e.name, 0))
         else:
             limit = _first_order(e) if e.name in linear else None
         if limit is not None:
@@ -105,17 +90,11 @@ def _beside_a_bound(fit: PointFit, e: ParameterEstimate) -> bool:
 
 
 def _profiled(
-    fit: PointFit,
-    e: ParameterEstimate,
-    channel: int,
-    error: float,
-    scale: float,
-    grows: int,
-    freedom: NoiseFreedom,
+    evidence: Evidence, e: ParameterEstimate, channel: int, error: float, grows: int
 ) -> Limit | None:
     """Look along the likelihood on both sides; None where neither or both are open."""
-    profile = Profile(fit, e.name, channel, scale)
-    linear = e.name in {p.name for p in fit.problem.candidate.solved}
+    profile = Profile(evidence.fit, e.name, channel, evidence.scale)
+    linear = e.name in {p.name for p in evidence.fit.problem.candidate.solved}
     below = grows > 0 or profile.rise(profile.low) < RULED_OUT
     above = grows < 0 or (np.isfinite(profile.high) and profile.rise(profile.high) < RULED_OUT)
     if below == above:
@@ -132,18 +111,17 @@ def _profiled(
         if changes is None:
             break
         # The readings that rule a value out may be few, and their noise hardly known.
-        needed = freedom.of_changes(changes).level(0.95)
+        needed = evidence.freedom.of_changes(changes).level(0.95)
         if needed < 1.1 * level:
             break
         level = needed
         position = profile.limit(side, guess, level)
     if position is None:
         return None
-    kind: Literal["upper", "lower"] = "upper" if below else "lower"
     return Limit(
         parameter=e.name,
         channel=e.channel,
-        kind=kind,
+        kind="upper" if below else "lower",
         value=profile.value(position),
         method="profile",
     )
@@ -153,12 +131,6 @@ def _first_order(e: ParameterEstimate) -> Limit | None:
     """Give the limit of a value on its bound, or with an error as large as itself."""
     if e.standard_error is None or e.status == "undetermined":
         return None
-    if e.status == "upper":
-        value = e.value - 1.645 * e.standard_error
-        return Limit(
-            parameter=e.name, channel=e.channel, kind="lower", value=value, method="first order"
-        )
-    value = e.value + 1.645 * e.standard_error
-    return Limit(
-        parameter=e.name, channel=e.channel, kind="upper", value=value, method="first order"
-    )
+    kind: Literal["upper", "lower"] = "lower" if e.status == "upper" else "upper"
+    value = e.value + (1.645 if kind == "upper" else -1.645) * e.standard_error
+    return Limit(parameter=e.name, channel=e.channel, kind=kind, value=value, method="first order")

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from lobefit.fitting.identifiability_evidence import Evidence
 from lobefit.fitting.identifiability_limits import RULED_OUT, VAGUE
-from lobefit.fitting.identifiability_noise import NoiseFreedom
 from lobefit.fitting.information import Information
 from lobefit.fitting.noise import variance
-from lobefit.fitting.point import PointFit
 from lobefit.fitting.profile import Profile, restore_weights
 from lobefit.fitting.resolution import Peak
-from lobefit.fitting.result import FitResult, ParameterEstimate
+from lobefit.fitting.result import ParameterEstimate
 
 __all__ = ["Lost", "lost_errors"]
 
@@ -50,49 +49,33 @@ class Lost:
     readings: float = 0.0
 
 
-def lost_errors(
-    fit: PointFit,
-    result: FitResult,
-    every: Sequence[Information],
-    scale: float,
-    peak: Peak | None,
-    freedom: NoiseFreedom,
-) -> Lost:
+def lost_errors(evidence: Evidence) -> Lost:
     """Find the parameters whose errors mean nothing.
 
     Parameters
     ----------
-    fit : PointFit
-        Its dataset is still on the device; its weights are changed.
-    result : FitResult
-        The same, judged.
-    every : sequence of Information
-        Of each channel.
-    scale : float
-        Variance in units of the objective.
-    peak : Peak or None
-        A peak that the readings do not resolve.
-    freedom : NoiseFreedom
-        How well the noise is known.
+    evidence : Evidence
+        Of a fit whose dataset is still on the device; its weights are changed.
 
     Returns
     -------
     Lost
     """
-    free = [e for e in result.estimates if e.status not in ("fixed", "tied")]
+    peak = evidence.peak
+    free = [e for e in evidence.result.estimates if not e.held]
     widths = {(e.name, e.channel) for e in free if peak and e.name in peak.narrowing}
     beside = {
         (e.name, e.channel): e.name
         for e in free
-        if peak and e.name in peak.raising and _rests(e, every[_channel(e, result)], peak)
+        if peak and e.name in peak.raising and _rests(e, evidence.every[evidence.row_of(e)], peak)
     }
-    shapes = {*_shapes_of_nothing(fit, result, scale)} if scale > 0.0 else set()
+    shapes = {*_shapes_of_nothing(evidence)} if evidence.scale > 0.0 else set()
     few, readings = {}, 0.0
     for e in free:
         key = (e.name, e.channel)
         if e.status != "free" or key in widths or key in beside or key in shapes:
             continue
-        noise = freedom.of(e.name, None if e.channel is None else _channel(e, result))
+        noise = evidence.freedom.of(e.name, None if e.channel is None else evidence.row_of(e))
         if noise.degrees < FEWEST:
             few[key] = e.name
             readings = max(readings, noise.readings)
@@ -103,10 +86,6 @@ def lost_errors(
         few=tuple(dict.fromkeys(few.values())),
         readings=readings,
     )
-
-
-def _channel(e: ParameterEstimate, result: FitResult) -> int:
-    return result.channels.index(e.channel) if e.channel in result.channels else 0
 
 
 def _rests(e: ParameterEstimate, known: Information, peak: Peak) -> bool:
@@ -125,10 +104,9 @@ def _rests(e: ParameterEstimate, known: Information, peak: Peak) -> bool:
     return error > RESTS * float(held.errors[held.names.index(e.name)])
 
 
-def _shapes_of_nothing(
-    fit: PointFit, result: FitResult, scale: float
-) -> Iterator[tuple[str, str | None]]:
+def _shapes_of_nothing(evidence: Evidence) -> Iterator[tuple[str, str | None]]:
     """Name shape and scale of lobes that may as well not be there."""
+    fit, result = evidence.fit, evidence.result
     candidate, program = fit.problem.candidate, fit.problem.program
     products = candidate.model.coefficients
     solved = {p.name for p in candidate.solved}
@@ -144,16 +122,17 @@ def _shapes_of_nothing(
         if any(e.value and (e.standard_error or 0.0) < VAGUE * e.value for e in scales):
             continue
         restore_weights(fit)
-        if all(_may_be_nothing(fit, e.name, _channel(e, result), scale) for e in scales):
+        if all(_may_be_nothing(evidence, e) for e in scales):
             parts = {p for k in bases for p in products[k]}
             for e in result.estimates:
                 if e.name in inside | parts and e.status == "free":
                     yield e.name, e.channel
 
 
-def _may_be_nothing(fit: PointFit, name: str, channel: int, scale: float) -> bool:
+def _may_be_nothing(evidence: Evidence, height: ParameterEstimate) -> bool:
     """Tell whether a fit without a lobe is not ruled out."""
-    profile = Profile(fit, name, channel, scale)
+    fit, scale = evidence.fit, evidence.scale
+    profile = Profile(fit, height.name, evidence.row_of(height), scale)
     if profile.rise(0.0) >= RULED_OUT:
         return False
     changes = profile.changes(0.0)

@@ -164,12 +164,11 @@ def _jacobians(fit: PointFit, every: Sequence[Information]) -> list[Array]:
     problem, t, c = fit.problem, fit.polished.t, fit.polished.c
     k = problem.program.n_basis
     columns: dict[str, Array] = {}
-    for j, (name, p) in enumerate(zip(labels(problem, t), problem.candidate.shared, strict=True)):
+    for j, name in enumerate(labels(problem, t)):
         shift = np.zeros(len(t))
         shift[j] = STEP
-        unit = 1.0 if p.scale == "log" else p.period or problem.scale.high[j] - problem.scale.low[j]
         difference = problem.values(t + shift, c) - problem.values(t - shift, c)
-        columns[name] = difference * (unit / (2.0 * STEP))
+        columns[name] = difference * (problem.scale.units[j] / (2.0 * STEP))
     for p in problem.candidate.solved:
         holds = np.array([p.name in names for names in problem.candidate.model.coefficients])
         moved = c.copy()
@@ -179,9 +178,8 @@ def _jacobians(fit: PointFit, every: Sequence[Information]) -> list[Array]:
         up, down = c.copy(), c.copy()
         up[:, k + j] += STEP
         down[:, k + j] -= STEP
-        unit = 1.0 if p.scale == "log" else p.period or problem.own.high[j] - problem.own.low[j]
         difference = problem.values(t, up) - problem.values(t, down)
-        columns[p.name] = difference * (unit / (2.0 * STEP))
+        columns[p.name] = difference * (problem.own.units[j] / (2.0 * STEP))
     return [
         np.stack([columns[name][channel] for name in known.names])
         if known.names

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 
 from lobefit.fitting.identifiability_lost import Lost
+from lobefit.fitting.identifiability_result import Advice, Combination, Limit
 from lobefit.fitting.resolution import Peak
-from lobefit.fitting.result import Advice, Combination, FitResult, Limit
+from lobefit.fitting.result import FitResult
 
 __all__ = ["limit_value", "sentences"]
 
@@ -96,7 +97,6 @@ def _apart(combinations: Iterable[Combination]) -> list[str]:
     for names, group in grouped.items():
         products = {c.product for c in group}
         product = products.pop() if len(products) == 1 else ""
-        listed = f"{', '.join(names[:-1])} and {names[-1]}"
         worst = max(c.error for c in group)
         channels = [c.channel for c in group if c.channel is not None]
         where = ""
@@ -108,7 +108,7 @@ def _apart(combinations: Iterable[Combination]) -> list[str]:
             )
         hopeless = any(c.hopeless for c in group)
         how = "cannot be told apart" if hopeless else "can hardly be told apart"
-        text = f"{listed} {how}{where}"
+        text = f"{_listed(names)} {how}{where}"
         if not hopeless:
             text += f" (their errors reach {_percent(worst)})"
         errors = [c.product_error for c in group if c.product_error is not None]

@@ -17,7 +17,7 @@ from lobefit.fitting.polish import Curvature, eliminate
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.scale import canonical
 
-__all__ = ["Information", "information", "information_of_all", "labels"]
+__all__ = ["Information", "information", "information_of_all", "labels", "linear_value"]
 
 Array = NDArray[np.float64]
 
@@ -56,12 +56,6 @@ class Information:
         floor = max(1e-15 * float(values[-1]), 1e-300) if len(values) else 0.0
         inverse: Array = (vectors / np.maximum(values, floor)) @ vectors.T
         return inverse
-
-    @property
-    def alone(self) -> Array:
-        """Standard errors if all other parameters were known, shape (p,)."""
-        alone: Array = 1.0 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
-        return alone
 
     def along(self, weights: Array) -> float:
         """Give the standard error of a weighted sum of changes, however vague its parts are.
@@ -140,10 +134,7 @@ def information(fit: PointFit, curvature: Curvature, scale: float, channel: int)
         zip(labels(problem, point.t), problem.candidate.shared, strict=True)
     ):
         unit = np.zeros(len(marginal))
-        # The spread of t includes half a period beyond either end of an angle.
-        unit[j] = (
-            1.0 if p.scale == "log" else p.period or problem.scale.high[j] - problem.scale.low[j]
-        )
+        unit[j] = problem.scale.units[j]
         add(name, p.scale == "log", float(x[j]), unit)
     model = problem.candidate.model
     back = np.linalg.pinv(problem.linear.T)
@@ -153,13 +144,11 @@ def information(fit: PointFit, curvature: Curvature, scale: float, channel: int)
         )
         unit = np.zeros(len(marginal))
         unit[n : n + len(back)] = back @ moved
-        value = _value(model.coefficients, c, p.name)
-        add(p.name, True, value, unit)
+        add(p.name, True, linear_value(model.coefficients, c, p.name), unit)
     own_x = problem.own.to_parameters(c[k:])
     for j, p in enumerate(problem.candidate.own):
         unit = np.zeros(len(marginal))
-        low, high = problem.own.low[j], problem.own.high[j]
-        unit[n + len(back) + j] = 1.0 if p.scale == "log" else p.period or high - low
+        unit[n + len(back) + j] = problem.own.units[j]
         add(p.name, p.scale == "log", float(own_x[j]), unit)
     K = np.stack(columns, axis=1) if columns else np.zeros((len(marginal), 0))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -173,8 +162,8 @@ def information(fit: PointFit, curvature: Curvature, scale: float, channel: int)
     )
 
 
-def _value(products: tuple[tuple[str, ...], ...], c: Array, name: str) -> float:
-    """Give a linear parameter of one channel from its coefficients."""
+def linear_value(products: tuple[tuple[str, ...], ...], c: Array, name: str) -> float:
+    """Give a linear parameter of one channel from its coefficients; 0 for a ratio to nothing."""
     for k, names in enumerate(products):
         if names == (name,):
             return float(c[k])

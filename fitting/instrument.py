@@ -53,12 +53,14 @@ class Instrument:
         Full angle of the detector's round aperture seen from the sample, in degrees. The lobe
         is convolved with it.
     reading : {"flux", "radiance"}
-        What the signal is proportional to: f cos(theta_o) or f cos(theta_i).
+        What the signal is proportional to: f cos(theta_o) or f cos(theta_i). Of an ideal
+        instrument both give f: it matters to a tilt, a veil and an aperture.
 
     Raises
     ------
     FitError
-        A gain or an aperture that no instrument has; an unknown reading.
+        A gain or an aperture that no instrument has; an unknown reading, or one of radiance
+        where nothing depends on it.
     """
 
     tilt: bool = False
@@ -78,6 +80,11 @@ class Instrument:
             )
         if self.reading not in ("flux", "radiance"):
             raise FitError(f"reading is 'flux' or 'radiance', not {self.reading!r}")
+        if self.reading == "radiance" and not (self.bends or self.veil):
+            raise FitError(
+                "a reading of radiance changes nothing by itself: it goes with a tilt, a veil or "
+                "an aperture"
+            )
 
     @property
     def bends(self) -> bool:
@@ -92,6 +99,11 @@ class Instrument:
     def to_dict(self) -> dict[str, Any]:
         """Give the settings as JSON-ready values."""
         return asdict(self)
+
+    def signal_cosine(self, theta_i: Array, theta_o: Array) -> Array:
+        """Give the cosine that the signal goes with; the nominal one is divided by."""
+        cosine: Array = np.cos(theta_o if self.reading == "flux" else theta_i)
+        return cosine
 
 
 def tilted(vectors: Array, tilt: tuple[float, float]) -> Array:
@@ -138,13 +150,12 @@ def views(angles: Angles, instrument: Instrument, tilt: tuple[float, float]) -> 
         One; with an aperture 16.
     """
     theta_i, phi_i, theta_o, phi_o = angles
-    flux = instrument.reading == "flux"
-    nominal = np.cos(theta_o if flux else theta_i)
+    nominal = instrument.signal_cosine(theta_i, theta_o)
     wi = _angles(tilted(_vectors(theta_i, phi_i), tilt))
     found: list[View] = []
     for shifted, share in _disc(_vectors(theta_o, phi_o), instrument.aperture_deg):
         wo = _angles(tilted(shifted, tilt))
-        true = np.cos(wo[0] if flux else wi[0])
+        true = instrument.signal_cosine(wi[0], wo[0])
         weight = np.where(above_horizon(wi[0], wo[0]), share * true / nominal, 0.0)
         found.append(((*wi, *wo), weight))
     return found

@@ -17,10 +17,10 @@ from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.instrument import Instrument
 from lobefit.fitting.instrument_nuisance import MOUNTING, Nuisance
 from lobefit.fitting.point import PointFit, fit_point
-from lobefit.fitting.polish import Polished, polish
+from lobefit.fitting.polish import Polished, polish, sums_at
 from lobefit.fitting.problem import Problem
+from lobefit.fitting.reweigh import refitted
 from lobefit.fitting.uncertainty import joint_covariance
-from lobefit.fitting.valley import descend
 from lobefit.kernels import Candidate
 from lobefit.kernels.sums import Observations
 from lobefit.kernels.veil import with_veil
@@ -142,11 +142,9 @@ def _along(problem: Problem, at: Polished, f: Array, column: Array, weights: Arr
     dataset = problem.dataset
     data = Observations(dataset.full.directions, f + column, weights)
     try:
-        sums = problem.sums(data, at.t, at.c, derivatives=bool(problem.candidate.searched))
+        products = sums_at(problem, at.t, at.c, data)[1].gradient
     finally:
         data.release()
-    L = problem.column_map(at.t, at.c)[:, :, : sums.rhs.shape[2]]
-    products = np.einsum("cam,cm->ca", L, sums.rhs[0])
     n, (channels, size) = len(at.t), products.shape
     found = np.zeros((channels, n + channels * (size - n)))
     for c in range(channels):
@@ -177,11 +175,8 @@ def _turned(point: PointFit) -> bool:
         start = dataset.tilt
         for _ in range(6):
             dataset.turn((start[0] + float(move[0]), start[1] + float(move[1])))
-            t, c = at.t, at.c
-            if step == 0 and n:  # a peak that was out of place may have been fitted too wide
-                found, c = descend(problem, dataset.search, t, c)
-                t = found.point
-            new = polish(problem, t, c, point.dof)
+            # A peak that was out of place may have been fitted too wide.
+            new = refitted(problem, at, point.dof, anew=step == 0)
             new_value = new.value + _prior(dataset.tilt)
             if new_value < value:
                 break

@@ -54,7 +54,7 @@ class InstrumentFit:
     def __getitem__(self, name: str) -> ParameterEstimate:
         """Give an estimate by its name, with the channel in brackets where it has one."""
         for e in self.estimates:
-            if name in (e.name, f"{e.name}[{e.channel}]"):
+            if name in (e.name, e.label):
                 return e
         raise KeyError(name)
 
@@ -138,7 +138,7 @@ def readings(
     seen = views(angles, found.settings, found.tilt)
     total = sum((weight * result.predict(*at) for at, weight in seen), np.zeros(1))
     veils = np.array([e.value for e in found.estimates if e.name == VEIL])
-    nominal = np.cos(theta_o if found.settings.reading == "flux" else theta_i)
+    nominal = found.settings.signal_cosine(theta_i, theta_o)
     return total + veils[:, None] / nominal if len(veils) else total
 
 
@@ -167,7 +167,7 @@ def without_veil(result: FitResult) -> FitResult:
     """
     if result.instrument is None or VEIL not in result.params:
         return result
-    rows = [e for e in result.estimates if e.status not in ("fixed", "tied")]
+    rows = [e for e in result.estimates if not e.held]
     kept = [k for k, e in enumerate(rows) if e.name != VEIL]
     veils = tuple(e for e in result.estimates if e.name == VEIL)
     return replace(

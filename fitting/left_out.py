@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.blocks import Blocks
-from lobefit.fitting.dataset import METRICS, Dataset
-from lobefit.fitting.noise import GROSS, level, variance
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.polish import polish
 from lobefit.fitting.robust import student_terms
@@ -29,15 +27,13 @@ Array = NDArray[np.float64]
 LOOSE = 1e-2
 
 
-def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
+def block_scores(fit: PointFit, blocks: Blocks) -> Array:
     """Leave out one block at a time and predict it.
 
     Parameters
     ----------
     fit : PointFit
-        The fit to everything.
-    dataset : Dataset
-        What all candidates were fitted to; the weights of the fit's own are changed.
+        The fit to everything; its dataset's weights are changed.
     blocks : Blocks
         What is left out.
 
@@ -47,8 +43,8 @@ def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
         Log density of each block's values, summed (density per 1/sr); for metrics without a
         likelihood minus the sum of their squared residuals.
     """
-    likely = METRICS[dataset.metric] == "identity"
-    dataset = fit.problem.dataset  # its own where the sample's tilt is fitted too
+    dataset = fit.problem.dataset
+    likely = dataset.has_likelihood
     known = np.where(dataset.used, fit.weights, 0.0) if likely else 1.0 * dataset.used
     start = fit.polished
     scores = np.zeros(blocks.count)
@@ -60,21 +56,12 @@ def block_scores(fit: PointFit, dataset: Dataset, blocks: Blocks) -> Array:
         counted = dataset.used[:, out]
         r = dataset.residuals(predicted)[:, out]
         if fit.nu is not None:
-            v = _variance(fit, dataset, predicted)[:, out]
+            v = fit.variance_at(predicted)[:, out]
             each = -0.5 * student_terms(r, v, fit.nu)
         elif likely:
-            v = _variance(fit, dataset, predicted)[:, out]
+            v = fit.variance_at(predicted)[:, out]
             each = -0.5 * (r * r / v + np.log(2.0 * np.pi * v))
         else:
             each = -r * r
         scores[k] = np.sum(each, where=counted)
     return scores
-
-
-def _variance(fit: PointFit, dataset: Dataset, predicted: Array) -> Array:
-    """Give the variance of the noise where it was not seen, from the scales that were fitted."""
-    if not dataset.estimates_noise:
-        return fit.sigma**2
-    gross = bool(fit.relative.max() > GROSS)
-    h = level(predicted, dataset.measurement.values, gross=gross)
-    return variance(h, fit.additive, fit.relative)

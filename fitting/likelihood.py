@@ -71,8 +71,8 @@ class Density:
 
     Attributes
     ----------
-    calls, sets : int
-        Launches, and parameter sets in them.
+    sets : int
+        Parameter sets that were asked for.
     not_finite : int
         Sets inside the prior whose log-probability was not finite; they count as -inf.
     """
@@ -102,14 +102,13 @@ class Density:
             student=space.student,
             sides=sides,
         )
-        self.calls = self.sets = self.not_finite = 0
+        self.sets = self.not_finite = 0
 
     def __call__(self, q: Array) -> Array:
         """Give the log-probabilities of q, shape (W, n), up to a constant: shape (W,)."""
         theta = self.space.transforms.to_parameters(q)
         total = self.space.log_prior(q, theta)
         possible = total > -np.inf
-        self.calls += 1
         self.sets += len(q)
         # A whole batch keeps the launch's shape; what cannot be is looked at anyway.
         if not possible.all():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.fitting.dataset import METRICS, Dataset
+from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.instrument_nuisance import Nuisance
 from lobefit.fitting.noise import level, variance
 from lobefit.fitting.polish import Polished, polish, sums_at
@@ -39,6 +39,8 @@ class PointFit:
         the metrics "log" and "cube_root": then constant per measurement).
     additive, relative : ndarray, shape (C,)
         Scales of an estimated noise; 0 where sigma was given.
+    gross : bool
+        Whether its levels take the measured value into account, see `lobefit.fitting.noise`.
     meat : ndarray or None, shape (C, n + D, n + D)
         Sums of w^2 r^2 J J^T where the metric has no likelihood: its residuals do not
         have the scatter that the weights say, and the errors are those of a sandwich.
@@ -58,6 +60,7 @@ class PointFit:
     sigma: Array
     additive: Array
     relative: Array
+    gross: bool
     meat: Array | None
     dof: int
     algorithm: str
@@ -74,6 +77,14 @@ class PointFit:
             return np.asarray(1.0 / v)
         r = self.problem.dataset.measurement.values - self.values
         return student_weights(r * r / v, self.nu) / v
+
+    def variance_at(self, values: Array) -> Array:
+        """Give the variance that the noise would have if the model had other values, (C, N)."""
+        dataset = self.problem.dataset
+        if not dataset.estimates_noise:
+            return np.asarray(self.sigma**2)
+        h = level(values, dataset.measurement.values, gross=self.gross)
+        return variance(h, self.additive, self.relative)
 
 
 def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
@@ -141,7 +152,8 @@ def fit_point(candidate: Candidate, dataset: Dataset) -> PointFit:
         sigma=_sigma(dataset, values, weighed, dof),
         additive=weighed.additive,
         relative=weighed.relative,
-        meat=None if METRICS[dataset.metric] == "identity" else _meat(problem, polished, values),
+        gross=weighed.gross,
+        meat=None if dataset.has_likelihood else _meat(problem, polished, values),
         dof=dof,
         algorithm=", ".join(algorithm if len(found.point) else algorithm[2:]),
         reason=f"{polished.reason} (NLopt: {found.reason})",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lobefit.fitting.problem import Problem
+from lobefit.kernels.sums import Observations
 
 __all__ = ["Curvature", "Polished", "eliminate", "polish", "sums_at"]
 
@@ -57,9 +58,12 @@ class Polished:
     reason: str
 
 
-def sums_at(problem: Problem, t: Array, c: Array) -> tuple[float, Curvature]:
-    """Give the objective and its curvature at a point, with the weights in force."""
-    sums = problem.sums(problem.dataset.full, t, c, derivatives=bool(problem.candidate.searched))
+def sums_at(
+    problem: Problem, t: Array, c: Array, data: Observations | None = None
+) -> tuple[float, Curvature]:
+    """Give the objective and its curvature at a point: of all rows, or of other data."""
+    data = data or problem.dataset.full
+    sums = problem.sums(data, t, c, derivatives=bool(problem.candidate.searched))
     L = problem.column_map(t, c)[:, :, : sums.rhs.shape[2]]
     matrix = L @ sums.gram[0] @ L.transpose(0, 2, 1)
     gradient = np.einsum("cam,cm->ca", L, sums.rhs[0])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lobefit import __version__
-from lobefit.fitting.artefacts import write_together
+from lobefit.fitting.artefacts import save_together, write_json
 from lobefit.fitting.chains import bulk_ess, r_hat, tail_ess
-from lobefit.fitting.document import to_json
 from lobefit.fitting.inference_data import Group, InferenceData
 from lobefit.fitting.likelihood import model_values
-from lobefit.fitting.measurement import Measurement
+from lobefit.fitting.measurement import DIRECTION_COLUMNS, Measurement
 from lobefit.fitting.result import FitResult
 from lobefit.fitting.space import Space
 from lobefit.fitting.tables import aligned
@@ -117,7 +115,6 @@ class Posterior:
     precision: str
     power: float
     notes: tuple[str, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -272,8 +269,7 @@ class Posterior:
             **self._facts(),
         }
         angles: dict[str, tuple[tuple[str, ...], Array]] = {
-            name: (("direction",), getattr(m, name))
-            for name in ("theta_i", "phi_i", "theta_o", "phi_o")
+            name: (("direction",), getattr(m, name)) for name in DIRECTION_COLUMNS
         }
         where = {"channel": axes["channel"]}
         return InferenceData(
@@ -336,10 +332,8 @@ class Posterior:
 
     def to_dict(self) -> dict[str, Any]:
         """Give summary and facts as JSON-ready values."""
-        import dataclasses
-
         rows = {
-            label: {k: v if np.isfinite(v) else None for k, v in dataclasses.asdict(s).items()}
+            label: {k: v if np.isfinite(v) else None for k, v in asdict(s).items()}
             for label, s in self._summary.items()
         }
         priors = {c.label: repr(c.prior) for c in self.space.coordinates}
@@ -360,16 +354,16 @@ class Posterior:
         """
         from lobefit.fitting import posterior_figure as figure
 
-        place = Path(folder)
-        names = {
-            "corner": ("corner.png", lambda p: figure.write(p, figure.draw_corner(self))),
-            "trace": ("trace.png", lambda p: figure.write(p, figure.draw_trace(self))),
-            "predictive": ("predictive.png", lambda p: figure.write(p, figure.draw_bands(self))),
-            "posterior": ("posterior.nc", self.idata.to_netcdf),
-            "summary": (
-                "posterior.json",
-                lambda p: p.write_text(to_json(self.to_dict()) + "\n", encoding="utf-8"),
-            ),
-        }
-        write_together(place, dict(names.values()))
-        return {kind: place / name for kind, (name, _) in names.items()}
+        return save_together(
+            Path(folder),
+            {
+                "corner": ("corner.png", lambda p: figure.write(p, figure.draw_corner(self))),
+                "trace": ("trace.png", lambda p: figure.write(p, figure.draw_trace(self))),
+                "predictive": (
+                    "predictive.png",
+                    lambda p: figure.write(p, figure.draw_bands(self)),
+                ),
+                "posterior": ("posterior.nc", self.idata.to_netcdf),
+                "summary": ("posterior.json", lambda p: write_json(p, self.to_dict())),
+            },
+        )

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit import __version__
 from lobefit.fitting.bands import is_isotropic
 from lobefit.fitting.figure import channel_colours
 from lobefit.fitting.panels import choose_channels, choose_panels
+from lobefit.fitting.pictures import new_figure, write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,16 +38,7 @@ MOST_STEPS = 1500
 
 def write(path: Path, figure: Figure) -> None:
     """Write a picture as PNG; the same posterior gives the same bytes."""
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": f"lobefit {__version__}"})
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    write_png(path, figure, DPI)
 
 
 def _chosen(posterior: Posterior, most: int) -> list[int]:
@@ -64,8 +55,7 @@ def _fitted(posterior: Posterior, column: int) -> float | None:
     c = posterior.space.coordinates[column]
     if c.parameter is None or c.parameter.period:
         return None
-    value = np.ravel(posterior.result.params[c.name])
-    return float(value[c.channel or 0] if len(value) > 1 else value[0])
+    return c.value_in(posterior.result.params)
 
 
 def _title(posterior: Posterior, left_out: int) -> str:
@@ -90,7 +80,7 @@ def draw_corner(posterior: Posterior) -> Figure:
     flat = posterior.theta.reshape(-1, posterior.space.size)[:, columns]
     ranges = [_range(flat[:, k]) for k in range(n)]
     size = max(1.6 * n + 0.9, 4.2)
-    figure = _figure(size, size)
+    figure = new_figure(size, size)
     figure.suptitle(_title(posterior, posterior.space.size - n), fontsize=11, color=DARK)
     axes = figure.subplots(n, n, squeeze=False)
     labels = [posterior.labels[k] for k in columns]
@@ -180,7 +170,7 @@ def draw_trace(posterior: Posterior) -> Figure:
     n = len(columns)
     steps, ensembles, walkers, _ = posterior.chain.shape
     stride = max(1, steps // MOST_STEPS)
-    figure = _figure(9.0, max(1.15 * n + 0.9, 3.0))
+    figure = new_figure(9.0, max(1.15 * n + 0.9, 3.0))
     figure.suptitle(_title(posterior, posterior.space.size - n), fontsize=11, color=DARK)
     axes = figure.subplots(n, 2, squeeze=False, width_ratios=[4, 1])
     at = np.arange(steps)[::stride]
@@ -222,7 +212,7 @@ def draw_bands(posterior: Posterior) -> Figure:
     count = len(panels.chosen)
     columns = min(count, 4)
     rows = -(-count // columns)
-    figure = _figure(max(2.9 * columns + 0.6, 5.0), 2.7 * rows + 1.3)
+    figure = new_figure(max(2.9 * columns + 0.6, 5.0), 2.7 * rows + 1.3)
     axes = np.atleast_1d(np.array(figure.subplots(rows, columns, squeeze=False))).ravel()
     shown = choose_channels(m.n_channels)
     colours = channel_colours(m.channels)

@@ -82,9 +82,7 @@ class Prior(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Uniform:
-    """The same density from `low` to `high`."""
-
+class _Between:
     low: float
     high: float
 
@@ -92,6 +90,11 @@ class Uniform:
     def support(self) -> tuple[float, float]:
         """From low to high."""
         return self.low, self.high
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform(_Between):
+    """The same density from `low` to `high`."""
 
     def log_density(self, theta: Array) -> Array:
         """Give -log(high - low)."""
@@ -103,16 +106,8 @@ class Uniform:
 
 
 @dataclass(frozen=True, slots=True)
-class LogUniform:
+class LogUniform(_Between):
     """The same density of log(theta) from `low` to `high`, both positive."""
-
-    low: float
-    high: float
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """From low to high."""
-        return self.low, self.high
 
     def log_density(self, theta: Array) -> Array:
         """Give -log(theta log(high / low))."""

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.fitting.dataset import METRICS
-from lobefit.fitting.information import labels
+from lobefit.fitting.information import labels, linear_value
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.polish import polish
 from lobefit.fitting.problem import Problem
@@ -30,7 +29,7 @@ CLOSE = 0.03
 def restore_weights(fit: PointFit) -> None:
     """Put the weights back that a point was fitted with; other candidates had theirs since."""
     dataset = fit.problem.dataset
-    if METRICS[dataset.metric] != "identity":
+    if not dataset.has_likelihood:
         dataset.set_weights(np.ones(dataset.used.shape))
     elif dataset.uses_sigma:
         dataset.reset_weights()
@@ -83,7 +82,8 @@ class Profile:
             parameter = next(p for p in self.problem.candidate.solved if p.name == name)
             self.low, self.high = parameter.bounds
             self._make_coordinates()
-            self.best = self._linear_value(self._c[channel])
+            products = self.problem.candidate.model.coefficients
+            self.best = linear_value(products, self._c[channel], name)
 
     def value(self, position: float) -> float:
         """Give the parameter at a position."""
@@ -120,16 +120,6 @@ class Profile:
         pair = [j for j in range(T.shape[1]) if T[a, j] != 0.0 or T[b, j] != 0.0]
         self._index, self._ratio = pair[1], (a, b)
         self._pair = pair
-
-    def _linear_value(self, c: Array) -> float:
-        products = self.problem.candidate.model.coefficients
-        for k, names in enumerate(products):
-            if names == (self.name,):
-                return float(c[k])
-            if len(names) == 2 and names[1] == self.name:
-                scale = c[products.index(names[:1])]
-                return float(c[k] / scale) if scale > 0.0 else 0.0
-        return 0.0
 
     def _hold(self, position: float) -> None:
         """Set the bounds of the problem so that the parameter stays at a position."""

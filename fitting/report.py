@@ -95,7 +95,7 @@ class FitReport:
         return report_document(self)
 
     def save(self, folder: str | Path) -> dict[str, Path]:
-        """Write report.json, fit.png, lobes.exr and the samples used.
+        """Write report.json, fit.png, lobes.exr, albedo.exr and the samples used.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class FitReport:
         Returns
         -------
         dict of str to Path
-            What was written, by kind: "report", "fit", "lobes", "samples".
+            What was written, by kind: "report", "fit", "lobes", "albedo", "samples".
         """
         from lobefit.fitting.artefacts import save_report
 

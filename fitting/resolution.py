@@ -130,11 +130,11 @@ def _raising(fit: PointFit, directions: Directions, width: float) -> list[str]:
                 less[:, j] = np.where(c[:, j] > 0.0, np.exp(-STEP) * c[:, j], STEP * other)
         changed[p.name] = [(t, less)]
     for j, p in enumerate(problem.candidate.shared):
-        step = STEP * (1.0 if p.scale == "log" else problem.scale.high[j] - problem.scale.low[j])
+        step = STEP * float(problem.scale.units[j])
         if not p.period:
             changed[labels(problem, t)[j]] = [_moved(t, c, j, None, s * step) for s in (1.0, -1.0)]
     for j, p in enumerate(problem.candidate.own):
-        step = STEP * (1.0 if p.scale == "log" else problem.own.high[j] - problem.own.low[j])
+        step = STEP * float(problem.own.units[j])
         changed[p.name] = [_moved(t, c, None, k + j, s * step) for s in (1.0, -1.0)]
     for name, places in changed.items():
         if any(abs(height(*place) - now) > 0.2 * STEP * now for place in places):

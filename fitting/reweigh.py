@@ -12,7 +12,7 @@ from lobefit.fitting.polish import Polished, polish, sums_at
 from lobefit.fitting.problem import Problem
 from lobefit.fitting.valley import descend
 
-__all__ = ["Weighed", "fit_with_noise"]
+__all__ = ["Weighed", "fit_with_noise", "judged_with", "refitted"]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,36 @@ class Weighed:
     relative: Array
     gross: bool
     nu: float | None = None
+
+
+def refitted(problem: Problem, at: Polished, dof: int, *, anew: bool) -> Polished:
+    """Fit again from a point with the weights in force.
+
+    Parameters
+    ----------
+    problem : Problem
+    at : Polished
+        Where to start.
+    dof : int
+    anew : bool
+        Walk down as from a start of the scan: the valley itself may have moved.
+
+    Returns
+    -------
+    Polished
+    """
+    t, c = at.t, at.c
+    if anew and len(t):
+        found, c = descend(problem, problem.dataset.search, t, c)
+        t = found.point
+    return polish(problem, t, c, dof)
+
+
+def judged_with(problem: Problem, at: Polished, weights: Array) -> Polished:
+    """Put weights in force, and give a point with its objective and curvature under them."""
+    problem.dataset.set_weights(weights)
+    value, curvature = sums_at(problem, at.t, at.c)
+    return replace(at, value=value, curvature=curvature)
 
 
 def fit_with_noise(problem: Problem, polished: Polished, n_parameters: int, dof: int) -> Weighed:
@@ -81,12 +111,8 @@ def _rounds(
         # Reweighing is no descent: where the model is far off it may run away.
         if deviance > best_deviance + RUNAWAY * dataset.used.sum():
             additive, relative, weights, _ = _noise(problem, best, n_parameters, gross)
-            dataset.set_weights(weights)
-            value, curvature = sums_at(problem, best.t, best.c)
             polished = replace(
-                best,
-                value=value,
-                curvature=curvature,
+                judged_with(problem, best, weights),
                 converged=False,
                 reason="reweighing ran away and was undone",
             )
@@ -94,11 +120,7 @@ def _rounds(
         if deviance < best_deviance:
             best, best_deviance = polished, deviance
         dataset.set_weights(weights)
-        t, c = polished.t, polished.c
-        if round_ == 0 and len(t):  # other weights may have moved the valley
-            found, c = descend(problem, dataset.search, t, c)
-            t = found.point
-        polished = polish(problem, t, c, dof)
+        polished = refitted(problem, polished, dof, anew=round_ == 0)
         now = np.concatenate([polished.c.ravel(), polished.t])
         if before is not None and np.allclose(now, before, rtol=1e-5, atol=1e-12):
             break

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from lobefit.fitting.dataset import Dataset
 from lobefit.fitting.noise import GROSS, estimate_noise, level, variance
-from lobefit.fitting.polish import Polished, polish, sums_at
+from lobefit.fitting.polish import Polished
 from lobefit.fitting.problem import Problem
-from lobefit.fitting.reweigh import Weighed
+from lobefit.fitting.reweigh import Weighed, judged_with, refitted
 from lobefit.fitting.valley import descend
 
 __all__ = [
@@ -125,18 +125,14 @@ def fit_robustly(problem: Problem, polished: Polished, n_parameters: int, dof: i
     dataset = problem.dataset
     first = _rounds(problem, polished, n_parameters, dof, gross=False)
     found, c = descend(problem, dataset.logarithmic, polished.t, polished.c)
-    other = _rounds(problem, replace(polished, t=found.point, c=c), n_parameters, dof, gross=False)
+    start = replace(polished, t=found.point, c=c)
+    other = _rounds(problem, start, n_parameters, dof, gross=False)
     weighed = min(first, other, key=lambda run: run[0] + EQUAL * (run is other))[1]
     if not dataset.uses_sigma and weighed.relative.max() > GROSS:
-        start = replace(polished, t=found.point, c=c)
         return _rounds(problem, start, n_parameters, dof, gross=True)[1]
     if weighed is not other[1]:  # its weights are those in force
         weighed, weights, _ = _noise(problem, weighed, n_parameters, BETWEEN)
-        dataset.set_weights(weights)
-        value, curvature = sums_at(problem, weighed.polished.t, weighed.polished.c)
-        weighed = replace(
-            weighed, polished=replace(weighed.polished, value=value, curvature=curvature)
-        )
+        weighed = replace(weighed, polished=judged_with(problem, weighed.polished, weights))
     return weighed
 
 
@@ -154,11 +150,7 @@ def _rounds(
         if best is None or deviance < best[0]:
             best = deviance, weighed
         problem.dataset.set_weights(weights)
-        t, c = weighed.polished.t, weighed.polished.c
-        if round_ == 0 and len(t):  # other weights may have moved the valley
-            found, c = descend(problem, problem.dataset.search, t, c)
-            t = found.point
-        polished = polish(problem, t, c, dof)
+        polished = refitted(problem, weighed.polished, dof, anew=round_ == 0)
         before = np.concatenate([weighed.polished.c.ravel(), weighed.polished.t])
         now = np.concatenate([polished.c.ravel(), polished.t])
         weighed = replace(weighed, polished=polished)
@@ -200,16 +192,7 @@ def _start(dataset: Dataset, r: Array, h: Array) -> Array:
     v = np.ones_like(h)
     for c, counted in enumerate(used):
         size = np.abs(h[c])
-        floor = (
-            0.05
-            * float(
-                np.median(
-                    size[counted],
-                )
-            )
-            if counted.any()
-            else 1.0
-        )
+        floor = 0.05 * float(np.median(size[counted])) if counted.any() else 1.0
         size = np.maximum(size, max(floor, 1e-300))
         if dataset.metric != "relative":
             size = np.ones_like(size)

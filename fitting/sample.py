@@ -314,8 +314,7 @@ def _start(space: Space, result: FitResult, m: Measurement, found: Scales) -> Ar
                 (result.noise.nu or 10.0) if c.name == "nu" else scales[c.name][c.channel or 0]
             )
             continue
-        value = np.ravel(result.params[c.name])
-        theta[k] = value[c.channel or 0] if len(value) > 1 else value[0]
+        theta[k] = c.value_in(result.params)
         channel = None if c.channel is None else m.channels[c.channel]
         e = estimates.get((c.name, channel)) or estimates.get((c.name, None))
         loose[k] = e is None or e.status != "free" or abs(e.value) < (e.standard_error or 0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.diagnostics import CORRELATED
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.noise import estimate_noise, level, variance
 from lobefit.fitting.result import FitResult
@@ -16,9 +17,6 @@ __all__ = ["Scales", "decide_noise", "likelihood_power", "noise_scales"]
 Array = NDArray[np.float64]
 # Additive and relative noise at the point fit, and the model's values.
 Scales = tuple[Array, Array, Array]
-
-# Residuals correlated over more values than this are misfit, which more values do not average out.
-CORRELATED = 2.0
 
 
 def decide_noise(

@@ -23,7 +23,15 @@ from lobefit.fitting.laplace import Laplace
 from lobefit.fitting.moves import EnsembleMove, Proposal
 from lobefit.kernels import FitError
 
-__all__ = ["Judgement", "Outcome", "SamplingProgress", "judge", "run", "warm_up_stages"]
+__all__ = [
+    "Judgement",
+    "Outcome",
+    "SamplingProgress",
+    "autocorrelation_times",
+    "judge",
+    "run",
+    "warm_up_stages",
+]
 
 Array = NDArray[np.float64]
 
@@ -122,24 +130,28 @@ def _looks(first: int) -> Iterator[int]:
         look = int(look * GROWTH)
 
 
-def judge(chain: Array, before: Array, labels: tuple[str, ...]) -> Judgement:
+def autocorrelation_times(chain: Array) -> Array:
+    """Give the autocorrelation time of each coordinate of a chain (steps, E, W, n), shape (n,)."""
+    return np.array([autocorrelation_time(chain[..., k]) for k in range(chain.shape[-1])])
+
+
+def judge(chain: Array, before: Array | None, labels: tuple[str, ...]) -> Judgement:
     """Tell whether a chain is long enough and mixed.
 
     Parameters
     ----------
     chain : ndarray, shape (steps, E, W, n)
         Steps that count.
-    before : ndarray, shape (steps before, E, W, n)
-        The same at the look before, for whether tau is stable; may be empty.
+    before : ndarray, shape (n,), or None
+        The autocorrelation times at the look before, for whether they are stable.
     labels : tuple of str
         Names of the coordinates.
     """
     steps, ensembles, _, size = chain.shape
-    tau = np.array([autocorrelation_time(chain[..., k]) for k in range(size)])
-    flat = chain.transpose(3, 1, 0, 2).reshape(size, ensembles, -1)
+    tau = autocorrelation_times(chain)
     thin = max(1, int(np.nanmin(np.append(tau, steps))) // 2)
     thinned = chain[::thin].transpose(3, 1, 0, 2).reshape(size, ensembles, -1)
-    hats = np.array([r_hat(x) for x in (thinned if thin > 1 else flat)])
+    hats = np.array([r_hat(x) for x in thinned])
     reasons = []
     still = [labels[k] for k in np.flatnonzero(~np.isfinite(tau))]
     if still:
@@ -150,15 +162,14 @@ def judge(chain: Array, before: Array, labels: tuple[str, ...]) -> Judgement:
             f"{steps} steps are fewer than {TIMES:.0f} autocorrelation times "
             f"({tau[longest]:.0f} steps for {labels[longest]})"
         )
-    if len(before) >= 4:
-        old = np.array([autocorrelation_time(before[..., k]) for k in range(size)])
+    if before is not None:
         with np.errstate(invalid="ignore"):
-            change = np.abs(tau - old) / tau
+            change = np.abs(tau - before) / tau
         k = int(np.nanargmax(np.append(change, 0.0)))
         if k < size and change[k] > STABLE:
             reasons.append(
                 f"the autocorrelation time of {labels[k]} still changes, "
-                f"from {old[k]:.1f} to {tau[k]:.1f} steps"
+                f"from {before[k]:.1f} to {tau[k]:.1f} steps"
             )
     else:
         reasons.append("too few steps to tell whether the autocorrelation time is stable")
@@ -251,7 +262,7 @@ def run(
                 return False
         return True
 
-    judgement, before, in_time = None, warm_up, True
+    judgement, before, in_time = None, None, True
     try:
         for begin, stage in pairwise((0, *stages)):
             in_time = in_time and advance(min(stage, max_steps))
@@ -263,18 +274,21 @@ def run(
                 f"the budget ended after {chain.iteration} steps, within the warm-up of {warm_up}; "
                 "give more steps or seconds"
             )
+        looked = 0
         for look in _looks(FIRST_LOOK) if until is None else (until,):
             end = min(warm_up + look, max_steps)
             if end < chain.iteration and until is None:
-                before = end  # the run that went on from there found it too short
+                looked = end  # the run that went on from there found it too short
                 continue
+            if looked:
+                before, looked = autocorrelation_times(counted(looked)), 0
             in_time = advance(end)
             end = min(end, chain.iteration)
-            judgement = judge(counted(end), counted(before), labels)
+            judgement = judge(counted(end), before, labels)
             told.look(judgement, end)
             if not judgement.reasons or not in_time or end >= max_steps:
                 break
-            before = end
+            before = judgement.tau
     finally:
         chain.sync()
     assert judgement is not None

@@ -37,6 +37,8 @@ class SearchScale:
         Bounds of t; an angle may go half a period beyond either end.
     spacing : ndarray, shape (n,)
         Distance of the scan's nodes in t.
+    units : ndarray, shape (n,)
+        What counts as one change in t: a factor e, the period of an angle, else the whole range.
     """
 
     def __init__(
@@ -58,6 +60,10 @@ class SearchScale:
         beyond = np.array([p.period or 0.0 for p in parameters])
         self.low, self.high = edges[0] - beyond, edges[1] + beyond
         self.periodic = beyond > 0.0
+        ranges = zip(parameters, edges[1] - edges[0], strict=True)
+        self.units = np.array(
+            [1.0 if p.scale == "log" else p.period or span for p, span in ranges], dtype=float
+        )
 
     def to_search(self, x: Array) -> Array:
         """Give t of x, shape (..., n)."""

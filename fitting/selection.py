@@ -31,6 +31,7 @@ __all__ = [
     "rank",
     "relative_change",
     "simplest",
+    "sum_error",
 ]
 
 Array = NDArray[np.float64]
@@ -144,13 +145,17 @@ def simplest(predicted: Sequence[Array], sizes: Sequence[int], scores: Sequence[
 
     def beaten(k: int, by: int) -> bool:
         difference = predicted[by] - predicted[k]
-        error = float(np.sqrt(len(difference) * np.var(difference, ddof=1)))
         suspect = sizes[by] > sizes[k] and scores[by] > scores[k]
-        return float(difference.sum()) > (2.0 if suspect else 1.0) * error
+        return float(difference.sum()) > (2.0 if suspect else 1.0) * sum_error(difference)
 
     everyone = range(len(predicted))
     left = [k for k in everyone if not any(beaten(k, j) for j in everyone if j != k)]
     return min(left, key=lambda k: (sizes[k], scores[k]))
+
+
+def sum_error(blocks: Array) -> float:
+    """Give the standard error of a sum over blocks, shape (B,), from their scatter."""
+    return float(np.sqrt(len(blocks) * np.var(blocks, ddof=1)))
 
 
 def relative_change(

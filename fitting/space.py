@@ -60,6 +60,11 @@ class Coordinate:
     prior: Prior
     parameter: Parameter | None = None
 
+    def value_in(self, params: Mapping[str, float | list[float]]) -> float:
+        """Give this number of a fitted model's parameters."""
+        value = np.ravel(params[self.name])
+        return float(value[self.channel or 0] if len(value) > 1 else value[0])
+
 
 @dataclass(frozen=True, slots=True)
 class Arguments:

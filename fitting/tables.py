@@ -9,9 +9,11 @@ from lobefit.fitting.identifiability_texts import limit_value
 from lobefit.fitting.report import FitReport
 from lobefit.fitting.result import FitResult, ParameterEstimate
 
-__all__ = ["aligned", "cautions", "flags", "parameters", "ranking", "with_error"]
+__all__ = ["HELD", "aligned", "cautions", "flags", "parameters", "ranking", "with_error"]
 
 MISSING = "-"
+HELD = {"fixed": " (held)", "tied": " (tied)"}
+"""What stands behind a value that the candidate does not fit, by its status."""
 
 
 def ranking(report: FitReport) -> str:
@@ -184,7 +186,7 @@ def _places(value: float) -> int:
 
 
 def _label(e: ParameterEstimate, result: FitResult) -> str:
-    return f"{e.name}[{e.channel}]" if e.channel and len(result.channels) > 1 else e.name
+    return e.label if len(result.channels) > 1 else e.name
 
 
 def _value(e: ParameterEstimate, result: FitResult) -> str:
@@ -197,8 +199,7 @@ def _value(e: ParameterEstimate, result: FitResult) -> str:
     # On a bound the error is that of an estimate free to cross it, and no interval.
     bound = e.status in ("lower", "upper")
     text = with_error(e.value, None if bound else e.standard_error)
-    marks = {"free": "", "fixed": " (held)", "tied": " (tied)"}
-    return text + marks.get(e.status, f" ({e.status} bound)")
+    return text + (f" ({e.status} bound)" if bound else HELD.get(e.status, ""))
 
 
 def _lost(e: ParameterEstimate, result: FitResult) -> bool:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from lobefit import __version__
-from lobefit.fitting.artefacts import write_together
-from lobefit.fitting.document import to_json
+from lobefit.fitting.artefacts import save_together, write_json
+from lobefit.fitting.asked import chosen_candidates, chosen_metric
 from lobefit.fitting.fit import fit
 from lobefit.fitting.tradeoff_albedo import albedo_panel
 from lobefit.fitting.tradeoff_arithmetic import arithmetic_panel
@@ -22,7 +22,7 @@ from lobefit.fitting.tradeoff_posterior import posterior_panel
 from lobefit.fitting.tradeoff_subject import Subject
 from lobefit.fitting.tradeoff_texts import answer, finding, functions
 from lobefit.fitting.tradeoff_timing import Clock
-from lobefit.kernels import Device, FitError, candidates, get_device
+from lobefit.kernels import Device, FitError, get_device
 
 __all__ = ["GROUPS", "SCHEMA", "Chart", "chart"]
 
@@ -123,13 +123,13 @@ class Chart:
         """Write chart.png and chart.json into a folder, together; returns their paths."""
         from lobefit.fitting.tradeoff_figure import write_chart
 
-        def write(path: Path) -> None:
-            path.write_text(to_json(self.to_dict()) + "\n", encoding="utf-8")
-
-        write_together(
-            folder, {"chart.png": lambda path: write_chart(path, self), "chart.json": write}
+        return save_together(
+            folder,
+            {
+                "chart": ("chart.png", lambda path: write_chart(path, self)),
+                "json": ("chart.json", lambda path: write_json(path, self.to_dict())),
+            },
         )
-        return {"chart": folder / "chart.png", "json": folder / "chart.json"}
 
 
 def chart(
@@ -192,11 +192,8 @@ def chart(
     began = clock()
     opened = get_device(device)
     m = subject.train
-    if metric == "auto":
-        metric = "chi2" if m.sigma is not None else "relative"
-    wanted = candidates(models)
-    if models in ("quick", "standard", "all") and not m.has_azimuthal_evidence:
-        wanted = [c for c in wanted if c.isotropic]
+    metric = chosen_metric(m, metric)
+    wanted = chosen_candidates(m, models)
     tell = progress or (lambda _done, _total, _label: None)
     panel, leaders = fit_panel(
         subject,
@@ -212,9 +209,9 @@ def chart(
     if "evaluation" in groups:
         tell(0, 1, "arithmetics")
         panels.append(arithmetic_panel(leaders, opened, repeats=repeats, clock=clock))
+    best = fit(m, [leaders[0]], metric=metric, device=opened).best
     if "albedo" in groups:
         tell(0, 1, "grids of the albedo")
-        best = fit(m, [leaders[0]], metric=metric, device=opened).best
         panels.append(albedo_panel(best, opened, repeats=repeats, clock=clock))
     if "posterior" in groups:
         quick = min(leaders, key=lambda name: _seconds(panel, name))
@@ -225,7 +222,7 @@ def chart(
     return Chart(
         name=subject.name,
         tolerance=tolerance,
-        answer=answer(panel, tolerance),
+        answer=answer(panel, tolerance, subject.noise(best)),
         panels=found,
         settings={
             "subject": dict(subject.settings),

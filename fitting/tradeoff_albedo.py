@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,8 @@ from lobefit.fitting.result import FitResult
 from lobefit.fitting.tradeoff_points import Panel, Point, Spread
 from lobefit.fitting.tradeoff_timing import Clock, interleaved
 from lobefit.kernels import Device, candidate
-from lobefit.kernels.albedo import HemisphereGrid, azimuth_refinement, basis_albedo
-from lobefit.kernels.parameters import coefficients_of, complete, nonlinear_of
-from lobefit.kernels.program import model_program
+from lobefit.kernels.albedo import azimuth_refinement, model_albedo
+from lobefit.kernels.parameters import complete, nonlinear_of
 
 __all__ = ["albedo_panel"]
 
@@ -46,16 +44,10 @@ def albedo_panel(result: FitResult, device: Device, *, repeats: int, clock: Cloc
     """
     model = candidate(result.candidate, result.options).model
     full = complete(model, result.params)
-    x, coefficients = nonlinear_of(model, full), coefficients_of(model, full)
-    program = model_program(model)
-    refined = azimuth_refinement(model, x[0])
+    refined = azimuth_refinement(model, nonlinear_of(model, full)[0])
 
     def albedo(order: int, azimuths: int) -> Array:
-        columns = []
-        for theta in INCIDENCES.tolist():
-            grid = partial(HemisphereGrid, device, theta, 0.0, order, refined * azimuths)
-            columns.append((basis_albedo(program, grid, x) * coefficients).sum(axis=1))
-        return np.stack(columns, axis=1)
+        return model_albedo(model, full, INCIDENCES, 0.0, device, order, refined * azimuths)
 
     def task(order: int, azimuths: int) -> Callable[[], Array]:
         return lambda: albedo(order, azimuths)

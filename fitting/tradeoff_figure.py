@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lobefit import __version__
+from lobefit.fitting.pictures import new_figure, write_png
 from lobefit.fitting.tradeoff import Chart
 from lobefit.fitting.tradeoff_points import Panel, Point, contenders, front, within
 from lobefit.fitting.tradeoff_texts import duration, share
@@ -33,8 +33,7 @@ LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 def write_chart(path: Path, chart: Chart) -> None:
     """Draw a chart and write it as PNG; the same chart gives the same bytes."""
-    figure = draw_chart(chart)
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": f"lobefit {__version__}"})
+    write_png(path, draw_chart(chart), DPI)
 
 
 def draw_chart(chart: Chart) -> Figure:
@@ -50,13 +49,9 @@ def draw_chart(chart: Chart) -> Figure:
         One wide panel for the fits, the others below it in a row, each with the names of its
         front beside or below it.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     first, *others = chart.panels
     height = 6.6 + (6.1 if others else 0.0)
-    figure = Figure(figsize=(13.0, height))
-    FigureCanvasAgg(figure)
+    figure = new_figure(13.0, height, layout=None)
 
     def inches(left: float, bottom: float, width: float, tall: float) -> Any:
         return figure.add_axes((left / 13.0, bottom / height, width / 13.0, tall / height))
@@ -88,7 +83,6 @@ def _groups(panel: Panel) -> dict[str, int]:
 
 
 def _draw(axes: Axes, panel: Panel, tolerance: float | None) -> None:
-    factor = 100.0 if panel.percent else 1.0
     members, level = front(panel.points), contenders(panel.points)
     groups = _groups(panel)
     for k, point in enumerate(panel.points):
@@ -96,17 +90,17 @@ def _draw(axes: Axes, panel: Panel, tolerance: float | None) -> None:
     chain = [panel.points[k] for k in members]
     x, y = (
         [p.seconds.median for p in chain],
-        [factor * _shown(p.error.median, panel) for p in chain],
+        [_height(p.error.median, panel) for p in chain],
     )
     axes.plot(x, y, color=DARK, linewidth=1.3, drawstyle="steps-post", zorder=4, alpha=0.8)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _limits(axes, panel, factor)
+    _limits(axes, panel)
     _ticks(axes)
     for letter, point in zip(LETTERS, chain, strict=False):
         axes.annotate(
             letter,
-            (point.seconds.median, factor * _shown(point.error.median, panel)),
+            (point.seconds.median, _height(point.error.median, panel)),
             xytext=(-5, -5),
             textcoords="offset points",
             ha="right",
@@ -116,16 +110,17 @@ def _draw(axes: Axes, panel: Panel, tolerance: float | None) -> None:
             color=DARK,
             zorder=6,
         )
-    _number(axes, panel, members, factor)
+    _number(axes, panel, members)
     if tolerance is not None:
-        axes.axhline(factor * tolerance, color=ACCENT, linewidth=1.0, linestyle="--", zorder=1)
+        asked = (100.0 if panel.percent else 1.0) * tolerance
+        axes.axhline(asked, color=ACCENT, linewidth=1.0, linestyle="--", zorder=1)
         chosen = within(panel.points, tolerance)
         if chosen is not None:
-            at = (chosen.seconds.median, factor * chosen.error.median)
+            at = (chosen.seconds.median, _height(chosen.error.median, panel))
             axes.plot(*at, "o", markersize=15, markerfacecolor="none", color=ACCENT, zorder=6)
         axes.annotate(
             f"{100 * tolerance:g} % asked for",
-            (1.0, factor * tolerance),
+            (1.0, asked),
             xycoords=("axes fraction", "data"),
             xytext=(-4, -3),
             textcoords="offset points",
@@ -151,15 +146,15 @@ def _draw(axes: Axes, panel: Panel, tolerance: float | None) -> None:
     _legend(axes, panel, groups)
 
 
-def _shown(error: float, panel: Panel) -> float:
+def _height(error: float, panel: Panel) -> float:
     """Give the height of an error in the picture: what is astray stands at the upper edge."""
-    return min(error, ASTRAY) if panel.percent else error
+    return 100.0 * min(error, ASTRAY) if panel.percent else error
 
 
-def _number(axes: Axes, panel: Panel, members: list[int], factor: float) -> None:
+def _number(axes: Axes, panel: Panel, members: list[int]) -> None:
     """Write the numbers of the points off the front, where there is room for the number."""
     scale = axes.transData.transform
-    at = [scale((p.seconds.median, factor * _shown(p.error.median, panel))) for p in panel.points]
+    at = [scale((p.seconds.median, _height(p.error.median, panel))) for p in panel.points]
     pixel = axes.figure.dpi / 72.0
     taken: list[tuple[float, float]] = [(x, y) for x, y in at]
     for k in range(len(panel.points)):
@@ -174,7 +169,7 @@ def _number(axes: Axes, panel: Panel, members: list[int], factor: float) -> None
         taken.append((x, y))
         axes.annotate(
             str(k + 1),
-            (panel.points[k].seconds.median, factor * _shown(panel.points[k].error.median, panel)),
+            (panel.points[k].seconds.median, _height(panel.points[k].error.median, panel)),
             xytext=(dx, dy),
             textcoords="offset points",
             ha="center",
@@ -186,12 +181,11 @@ def _number(axes: Axes, panel: Panel, members: list[int], factor: float) -> None
 
 
 def _mark(axes: Axes, point: Point, group: int, panel: Panel, *, bold: bool, ring: bool) -> None:
-    factor = 100.0 if panel.percent else 1.0
-    x, y = point.seconds.median, factor * _shown(point.error.median, panel)
+    x, y = point.seconds.median, _height(point.error.median, panel)
     colour = COLOURS[group % len(COLOURS)]
     bars: dict[str, Any] = {"color": colour, "linewidth": 0.8, "alpha": 0.6, "zorder": 2}
     axes.plot([point.seconds.low, point.seconds.high], [y, y], **bars)
-    ends = [factor * _shown(e, panel) for e in (point.error.low, point.error.high)]
+    ends = [_height(e, panel) for e in (point.error.low, point.error.high)]
     axes.plot([x, x], ends, **bars)
     axes.plot(
         x,
@@ -207,10 +201,10 @@ def _mark(axes: Axes, point: Point, group: int, panel: Panel, *, bold: bool, rin
     )
 
 
-def _limits(axes: Axes, panel: Panel, factor: float) -> None:
+def _limits(axes: Axes, panel: Panel) -> None:
     """Leave room for letters below and to the left of the front."""
     x = [v for p in panel.points for v in (p.seconds.low, p.seconds.high)]
-    y = [factor * _shown(v, panel) for p in panel.points for v in (p.error.low, p.error.high)]
+    y = [_height(v, panel) for p in panel.points for v in (p.error.low, p.error.high)]
     for low, high, limit in ((min(x), max(x), axes.set_xlim), (min(y), max(y), axes.set_ylim)):
         room = (high / low) ** 0.05
         limit(low / max(room**1.8, 1.15), high * max(room, 1.1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,15 +16,7 @@ from lobefit.fitting.search import ALGORITHMS, USUAL, SearchSettings
 from lobefit.fitting.tradeoff_points import Panel, Point, Spread
 from lobefit.fitting.tradeoff_subject import Subject, every
 from lobefit.fitting.tradeoff_timing import Clock, interleaved
-from lobefit.kernels import (
-    Candidate,
-    Device,
-    DeviceError,
-    FitError,
-    MeasurementError,
-    ModelError,
-    candidate,
-)
+from lobefit.kernels import Candidate, Device, FitError, LobefitError, candidate
 from lobefit.kernels.geometry import Directions
 
 __all__ = ["FitChoice", "fit_panel", "leading", "near_best", "variations"]
@@ -37,7 +30,6 @@ TOLERANCES = (5e-2, 1e-4, 1e-6)
 GLOBAL_EVALUATIONS = 1000
 
 Tell = Callable[[int, int, str], None]
-ERRORS = (DeviceError, FitError, MeasurementError, ModelError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,24 +72,26 @@ class _Run:
         self.choice, self._data, self._device = choice, data, device
 
     def __call__(self) -> None:
-        dataset = Dataset(self._data, self.choice.metric, self._device, how=self.choice.search)
-        try:
-            fit_point(self.choice.candidate, dataset)
-        finally:
-            dataset.release()
+        with self._fitted():
+            pass
 
     def measured(self, subject: Subject, directions: Directions) -> tuple[float, dict[str, Any]]:
         """Fit once; give the error and what the fit says of itself."""
+        with self._fitted() as point:
+            values = point.problem.values_at(directions, point.polished.t, point.polished.c)
+            return subject.error(values), _detail(point)
+
+    @contextmanager
+    def _fitted(self) -> Iterator[PointFit]:
         dataset = Dataset(self._data, self.choice.metric, self._device, how=self.choice.search)
         try:
-            point = fit_point(self.choice.candidate, dataset)
-            values = point.problem.values_at(directions, point.polished.t, point.polished.c)
-            return subject.error(values), _detail(point, dataset)
+            yield fit_point(self.choice.candidate, dataset)
         finally:
             dataset.release()
 
 
-def _detail(point: PointFit, dataset: Dataset) -> dict[str, Any]:
+def _detail(point: PointFit) -> dict[str, Any]:
+    dataset = point.problem.dataset
     return {
         "algorithm": point.algorithm,
         "reason": point.reason,
@@ -233,7 +227,7 @@ def fit_panel(
             run = _Run(choice, data[choice.step], device)
             try:
                 measured = run.measured(subject, directions)
-            except ERRORS as error:
+            except LobefitError as error:
                 failed[choice.label] = str(error)
                 continue
             if not np.isfinite(measured[0]):

@@ -15,6 +15,7 @@ from lobefit.fitting.likelihood import Density
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.posterior import Posterior
 from lobefit.fitting.sample import sample
+from lobefit.fitting.sampler import SamplingProgress
 from lobefit.fitting.tradeoff_points import Panel, Point, Spread
 from lobefit.fitting.tradeoff_subject import every
 from lobefit.fitting.tradeoff_timing import Clock
@@ -114,8 +115,13 @@ def posterior_panel(
     result = fit(data, [name], device=device).best
     noise: Any = "given" if result.noise.given else "fit"
     settings: dict[str, Any] = {"noise": noise, "correlation": "ignore", "device": device}
-    tell(0, repeats, f"a long posterior of {name}")
-    long = sample(result, data, seed=seed, steps=LONG, max_steps=10 * LONG, **settings)
+
+    def stands(state: SamplingProgress) -> None:
+        tell(0, repeats, f"a long posterior of {name}, step {state.steps:,}")
+
+    long = sample(
+        result, data, seed=seed, steps=LONG, max_steps=10 * LONG, progress=stands, **settings
+    )
     reference = _draws(long, long.chain)
     repeats = min(repeats, MOST_REPEATS)
     found: dict[tuple[str, int, int], list[tuple[float, float]]] = {}

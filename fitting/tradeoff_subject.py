@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit.fitting.blocks import find_blocks
+from lobefit.fitting.blocks import find_blocks, signed_theta_o
 from lobefit.fitting.measurement import DIRECTION_COLUMNS, Measurement
+from lobefit.fitting.result import FitResult
 from lobefit.fitting.scan_patterns import Hemisphere
 from lobefit.fitting.selection import DARK
 from lobefit.fitting.simulate import simulate
@@ -46,6 +47,8 @@ class Subject:
         How the two were made.
     settings : dict
         What is needed to make them again.
+    exact : bool
+        There is no noise in `test`.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Subject:
     test: Measurement
     note: str
     settings: Mapping[str, Any] = field(default_factory=dict)
+    exact: bool = False
 
     @property
     def angles(self) -> tuple[Array, Array, Array, Array]:
@@ -84,7 +88,34 @@ class Subject:
             Over all values that are there. Where f cos_theta_i is less than a twentieth of its
             channel's median, the error is relative to that.
         """
-        relative = (predicted - self.test.values) / self._size
+        return self._relative(predicted - self.test.values)
+
+    def noise(self, result: FitResult) -> float | None:
+        """Give the error that a perfect prediction would have, because readings are noisy.
+
+        Parameters
+        ----------
+        result : FitResult
+            Of `train`, for the noise that it found.
+
+        Returns
+        -------
+        float or None
+            None where the fit cannot tell noise from its own misfit.
+        """
+        if self.exact:
+            return 0.0
+        if result.noise.given and self.test.sigma is not None:
+            return self._relative(self.test.sigma)
+        if result.noise.given or result.diagnostics.misfit_limited:
+            return None
+        additive, relative = (
+            np.array(scale)[:, None] for scale in (result.noise.additive, result.noise.relative)
+        )
+        return self._relative(np.hypot(additive, relative * self.test.values))
+
+    def _relative(self, difference: Array) -> float:
+        relative = difference / self._size
         return float(np.sqrt(np.nanmean(relative * relative)))
 
 
@@ -159,6 +190,7 @@ def simulated(
             f"simulated with {noise[0]:g} of relative and {noise[1]:g} 1/sr of additive noise, "
             f"seed {seed}; scored against the truth in {truth.n_directions:,} directions"
         ),
+        exact=True,
         settings={
             "kind": "simulated",
             "model": model,
@@ -187,8 +219,7 @@ def every(measurement: Measurement, step: int) -> Measurement | None:
     """
     m = measurement
     axis = np.rint(np.degrees(np.mod(m.phi_o - m.phi_i, np.pi)) * 10.0) % 1800
-    forward = np.cos(m.phi_o - m.phi_i) < 0.0
-    signed = np.where(forward, m.theta_o, -m.theta_o)
+    signed = signed_theta_o(m)
     kept: list[NDArray[np.intp]] = []
     groups: Sequence[NDArray[np.intp]] = list(m.distinct_incidences().values())
     if len(groups) * SHORTEST > m.n_directions:  # scattered: no lines

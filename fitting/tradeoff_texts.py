@@ -8,6 +8,8 @@ __all__ = ["answer", "duration", "finding", "functions", "share"]
 
 # A choice is not worth changing for less.
 WORTH = 1.15
+# Share of an error from which it is worth saying that it is noise.
+MOSTLY = 0.5
 # How much worse a cheaper choice may be, relatively, to be recommended.
 WORSE = 1.1
 
@@ -29,7 +31,7 @@ def _digits(number: float) -> str:
     return f"{number:.0f}" if number >= 100.0 else f"{number:.3g}"
 
 
-def answer(panel: Panel, tolerance: float) -> str:
+def answer(panel: Panel, tolerance: float, noise: float | None = None) -> str:
     """Say which fit keeps within the tolerance that was asked for, and what it takes.
 
     Parameters
@@ -38,6 +40,8 @@ def answer(panel: Panel, tolerance: float) -> str:
         The one of fits.
     tolerance : float
         Relative error.
+    noise : float, optional
+        Error that a perfect prediction would have.
     """
     asked = f"You asked for {100.0 * tolerance:g} %"
     chosen = within(panel.points, tolerance)
@@ -52,10 +56,13 @@ def answer(panel: Panel, tolerance: float) -> str:
     error, digits = 100.0 * best.error.median, 2
     while float(f"{error:.{digits}g}") <= 100.0 * tolerance and digits < 15:
         digits += 1  # 2.004 % is more than 2 %
-    return (
+    said = (
         f"{asked}: nothing comes so near; the nearest is {best.label} with "
         f"{error:.{digits}g} %, {duration(best.seconds.median)}."
     )
+    if noise is None or noise < MOSTLY * best.error.median:
+        return said
+    return f"{said} The noise of the held-out readings alone is {share(noise, True)}."
 
 
 def finding(panel: Panel, enough: float = 0.0) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lobefit.fitting.information import labels
 from lobefit.fitting.point import PointFit
 from lobefit.fitting.polish import Curvature, eliminate
 from lobefit.fitting.problem import Problem
@@ -152,7 +153,7 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
     x = problem.scale.to_parameters(point.t)
     slope = problem.scale.slope(x)
     labelled = canonical(candidate, x)
-    turned = _axes_swapped(problem, x, labelled)
+    names = labels(problem, point.t)
     own = [p.name for p in candidate.own]
     own_x = problem.own.to_parameters(point.c[:, problem.program.n_basis :])
     own_slope = problem.own.slope(own_x)
@@ -192,13 +193,13 @@ def estimates(fit: PointFit, channels: tuple[str, ...], variance_scale: float) -
                 m = size - len(own) + own.index(p.name)
                 J[n + channel * size + m] = own_slope[channel, own.index(p.name)]
             elif not fixed:
-                m = [q.name for q in candidate.shared].index(turned.get(p.name, p.name))
+                m = names.index(p.name)
                 J[m] = slope[m]
             label = None if one else channels[channel]
             value = float(full_x[channel, k])
             rows.append(_row(p, label, value, J, held, crossing, fixed, variance_scale))
             jacobians.append(J)
-    free = [k for k, row in enumerate(rows) if row.status not in ("fixed", "tied")]
+    free = [k for k, row in enumerate(rows) if not row.held]
     J = np.stack([np.nan_to_num(jacobians[k]) for k in free]) if free else np.zeros((0, len(held)))
     tilt = np.zeros((0, 0))
     if fit.nuisance is not None:
@@ -220,15 +221,6 @@ def _vague_scales(
         error = np.sqrt(variance_scale * np.maximum(variances, 0.0))
         found[scale_name] = ~(3.0 * error < c[:, products.index((scale_name,))])
     return found
-
-
-def _axes_swapped(problem: Problem, x: Array, labelled: Array) -> dict[str, str]:
-    names = [p.name for p in problem.candidate.shared]
-    swapped: dict[str, str] = {}
-    for wide, narrow, _ in problem.candidate.model.axes:
-        if {wide, narrow} <= set(names) and labelled[names.index(wide)] != x[names.index(wide)]:
-            swapped |= {wide: narrow, narrow: wide}
-    return swapped
 
 
 def _row(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from lobefit.fitting.measurement import Measurement
@@ -13,6 +14,8 @@ __all__ = ["verdict"]
 FEW = 0.01
 # Data that span more decades than this are better weighed by their logarithm.
 WIDE = 3.0
+# A scatter with a larger relative standard error is hardly known.
+VAGUE = 0.3
 
 
 def verdict(
@@ -20,6 +23,7 @@ def verdict(
     results: Sequence[FitResult],
     described: bool,
     metric: str,
+    directions: int,
     reason: str = "",
 ) -> str:
     """Say what a fit found.
@@ -34,6 +38,8 @@ def verdict(
         Whether the first one describes the surface.
     metric : str
         How residuals were weighed.
+    directions : int
+        Distinct ones: readings of one direction test its noise, not the model.
     reason : str
         The sentence that says why the first one was chosen.
 
@@ -43,7 +49,7 @@ def verdict(
         A few sentences.
     """
     sentences = [
-        *_quality(results[0], described),
+        *_quality(results[0], described, directions),
         *([reason] if reason else []),
         *_doubts(results),
         *_data(measurement, results[0], described, metric),
@@ -51,7 +57,7 @@ def verdict(
     return " ".join(sentences)
 
 
-def _quality(best: FitResult, described: bool) -> list[str]:
+def _quality(best: FitResult, described: bool, directions: int) -> list[str]:
     d = best.diagnostics
     quality = f"(rmse {best.rmse:.3g} 1/sr"
     if best.noise.given:
@@ -65,7 +71,31 @@ def _quality(best: FitResult, described: bool) -> list[str]:
         return text
     if d.misfit_limited:
         return [f"{best.candidate} approximates this surface, not to within its noise {quality}."]
+    freedom = _freedom(best, directions)
+    # GUM, E.4.3: of a standard deviation that is estimated with so many degrees of freedom.
+    vague = 1.0 / math.sqrt(2.0 * max(freedom, 0.5))
+    if vague > VAGUE:
+        each = " in each channel" if len(best.channels) > 1 else ""
+        return [
+            (
+                f"{best.candidate} is not contradicted by this measurement {quality}, which tests it "
+                f"little: {directions} directions leave {freedom:.2g} degrees of freedom{each}, so that "
+                f"the scatter about the model is known to {100 * vague:.0f} % and a misfit of about its "
+                "size would not show."
+            )
+        ]
     return [f"{best.candidate} describes this surface to within its noise {quality}."]
+
+
+def _freedom(best: FitResult, directions: int) -> float:
+    """Give the independent readings of a channel, beyond those that the parameters follow.
+
+    Of one channel: a misfit has the same shape in all of them, where noise has not.
+    """
+    d, channels = best.diagnostics, len(best.channels)
+    apart = min(directions, d.samples / channels)
+    left = (apart - best.n_parameters / channels) * d.effective_samples / d.samples
+    return max(left, 0.0)
 
 
 def _doubts(results: Sequence[FitResult]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -47,27 +48,24 @@ def check_anisotropy(view: View) -> DataCheck:
         "left_right_difference": _typical(left),
         "noise": noise,
     }
-    common: dict[str, Any] = {"name": "anisotropy", "figures": figures}
+    answer = partial(DataCheck, name="anisotropy", figures=figures)
     if view.m.has_azimuthal_evidence:
         differs, repeats, typical = differs_when_turned(view)
         figures |= {"repeats": repeats, "turned_difference": typical}
         if repeats < FEWEST:
-            return DataCheck(
-                **common,
+            return answer(
                 verdict="cannot tell",
                 sentence="The sample was turned, but no geometry was repeated at another azimuth.",
                 remedy="repeat a scan with the sample turned by 90 degrees",
             )
-        return DataCheck(
-            **common,
+        return answer(
             verdict="ok",
             sentence=f"The turned sample's values differ by {100 * typical:.2g} % "
             f"({plural(repeats, 'repeat')}): the surface is "
             f"{'anisotropic' if differs else 'isotropic'}.",
         )
     if left.size >= 10 and _typical(left) > max(NOISY * (noise or 0.0), UNEVEN):
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"Views left and right of the plane of incidence differ by "
             f"{100 * _typical(left):.2g} % ({plural(left.size, 'pair')}), which an isotropic, "
@@ -75,8 +73,7 @@ def check_anisotropy(view: View) -> DataCheck:
             remedy="a grain at an angle, a tilt, or a scene that changed: turn the sample and "
             "measure again",
         )
-    return DataCheck(
-        **common,
+    return answer(
         verdict="cannot tell",
         sentence="The sample was not turned: the data fit isotropic models only, and cannot show "
         "that the surface is isotropic.",

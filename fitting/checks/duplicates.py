@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -41,13 +41,13 @@ def check_duplicates(view: View) -> DataCheck:
         repeated += int(same.sum())
         worst = max(worst, float(np.nan_to_num(1.0 - low / high).max()))
     noise = view.noise
-    common: dict[str, Any] = {
-        "name": "repeated directions",
-        "figures": {"repeated": repeated, "largest_difference": worst, "noise": noise},
-    }
+    answer = partial(
+        DataCheck,
+        name="repeated directions",
+        figures={"repeated": repeated, "largest_difference": worst, "noise": noise},
+    )
     if not repeated:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             sentence="No direction was measured twice, so nothing shows how repeatable it is.",
             remedy="repeat a few directions at the end of a run",
@@ -55,11 +55,10 @@ def check_duplicates(view: View) -> DataCheck:
     apart = f"differ by up to {100 * worst:.2g} %" if worst else "are equal"
     said = f"Readings of {plural(repeated, 'repeated direction')} {apart}"
     if worst > max(CONTRADICTION, NOISY * (noise or 0.0)):
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"{said}, more than noise: they contradict each other.",
             remedy="find out which reading is right (drift, another sample, two tables in one "
             "file) and remove the other",
         )
-    return DataCheck(**common, verdict="ok", sentence=f"{said}.")
+    return answer(verdict="ok", sentence=f"{said}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,36 +39,32 @@ def check_grazing(view: View) -> DataCheck:
         "roughness_below_70_deg": usual,
         "flat_rows": flat,
     }
-    common: dict[str, Any] = {"name": "grazing angles", "figures": figures}
+    answer = partial(DataCheck, name="grazing angles", figures=figures)
     limits = (
         f"theta_i {figures['largest_theta_i_deg']:.3g}°, theta_o "
         f"{figures['largest_theta_o_deg']:.3g}°"
     )
     if not count:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="ok",
             sentence=f"Nothing beyond 80°: a model's values above {limits} are extrapolated.",
         )
     remedy = "leave them out (--max-theta 80)"
     if flat >= 3:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"{plural(flat, 'value')} at the ends of scans beyond 80° are equal: an "
             "instrument's floor or a constant continuation, not a measurement.",
             remedy=remedy,
         )
     if noise is not None and usual is not None and noise > max(NOISY, ROUGHER * usual):
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"Beyond 80° scans are rough to {100 * noise:.2g} %, elsewhere to "
             f"{100 * usual:.2g} %.",
             remedy=remedy,
         )
-    return DataCheck(
-        **common,
+    return answer(
         verdict="ok",
         sentence=f"{plural(count, 'row')} beyond 80° (up to {limits}) {'is' if count == 1 else 'are'} "
         "as smooth as the rest.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -43,10 +43,9 @@ def check_mirror(view: View) -> DataCheck:
             peak = max(source.max(initial=0.0), mirror.max(initial=0.0))
             sign = 1.0 if source.size else -1.0
             sides.append((sign * max(np.log(peak / np.median(elsewhere)), 0.0), False))
-    common: dict[str, Any] = {"name": "mirror convention"}
+    answer = partial(DataCheck, name="mirror convention")
     if not sides:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             figures={"incidences": 0},
             sentence="No incidence of 15° to 72° was seen near the mirror direction or the light.",
@@ -58,8 +57,7 @@ def check_mirror(view: View) -> DataCheck:
     figures = {"incidences": len(sides), "source_over_mirror": ratio, "both_sides": both}
     where = "the mirror direction" if both else "the rest"
     if ratio > BRIGHTER and np.mean(excess > np.log(BRIGHTER)) > 0.6:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             figures=figures,
             sentence=f"At {plural(len(sides), 'incidence')} values within 10° of the light are "
@@ -67,15 +65,13 @@ def check_mirror(view: View) -> DataCheck:
             remedy="add 180 degrees to phi_o, unless the sample is a retro-reflector",
         )
     if ratio < 1.0 / SHOWN:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="ok",
             figures=figures,
             sentence=f"The peak is on the mirror side: {1.0 / ratio:.3g} times as bright as "
             f"{'the side of the light' if both else 'elsewhere'}.",
         )
-    return DataCheck(
-        **common,
+    return answer(
         verdict="cannot tell",
         figures=figures,
         sentence="No peak tells the mirror side from the side of the light "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,9 +34,9 @@ def check_negative(view: View) -> DataCheck:
         "worst_share": share,
         "channel": channel if m.n_channels > 1 else None,
     }
-    common: dict[str, Any] = {"name": "negative values", "figures": figures}
+    answer = partial(DataCheck, name="negative values", figures=figures)
     if share == 0.0:
-        return DataCheck(**common, verdict="ok", sentence="No value is negative.")
+        return answer(verdict="ok", sentence="No value is negative.")
     values = m.values[worst]
     size = -values[values < 0.0]
     limit = float(np.quantile(size, 0.9))
@@ -47,8 +48,7 @@ def check_negative(view: View) -> DataCheck:
     smooth = _smoothness(view, worst)
     figures["size_over_scatter"] = smooth
     if share > FEW and smooth is not None and smooth > SMOOTH:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"{said}, and scatter less than their size ({smooth:.2g} times): they are "
             "no noise.",
@@ -56,23 +56,19 @@ def check_negative(view: View) -> DataCheck:
             "cannot hold (use the spectral values)",
         )
     if share > FEW and alike < SYMMETRIC * size.size:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"{said}, and only {alike} positive ones of their size balance {size.size}.",
             remedy="too much dark level was subtracted, or negative numbers mark missing values: "
             "correct it, or write nan",
         )
     if share > MANY:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"{said}: much of it is noise about zero.",
             remedy="average longer, or leave dark directions out; use a metric other than log",
         )
-    return DataCheck(
-        **common, verdict="ok", sentence=f"{said}, as many as noise about zero makes; they stay."
-    )
+    return answer(verdict="ok", sentence=f"{said}, as many as noise about zero makes; they stay.")
 
 
 def _smoothness(view: View, channel: int) -> float | None:

@@ -10,6 +10,7 @@ On a surface that changes when it is turned the azimuths of both must match, but
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -47,7 +48,7 @@ AROUND = 15
 STEEP = 0.4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Pairs:
     """Ratios of reciprocal pairs.
 
@@ -73,7 +74,7 @@ class Pairs:
         """Count the pairs."""
         return len(self.ratio)
 
-    @property
+    @cached_property
     def exponent(self) -> float:
         """Give p of a factor cos_theta_o^p, by least absolute deviations.
 
@@ -84,7 +85,7 @@ class Pairs:
         weight = np.cumsum(np.abs(self.cosines[order]))
         return float(slope[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
-    @property
+    @cached_property
     def exponent_error(self) -> float:
         """Give a robust standard error of `exponent`."""
         rest = self.ratio - self.exponent * self.cosines
@@ -192,8 +193,7 @@ def _pairs(
     kind: Literal["exact", "interpolated"],
     tolerance: Array | None = None,
 ) -> Pairs | None:
-    m = view.m
-    cosines = np.log(np.cos(m.theta_o[rows]) / np.cos(m.theta_i[rows]))
+    cosines = view.log_cosines(rows)
     good = np.isfinite(ratio) & (np.abs(cosines) > LEAST)
     if not good.any():
         return None
@@ -231,8 +231,7 @@ def _interpolated(view: View) -> Pairs | None:
     if rows.size > ROWS:
         rows = np.sort(generator.choice(rows, ROWS, replace=False))
     places = _coordinates(view, rows)
-    cosines = np.log(np.cos(m.theta_o[rows]) / np.cos(m.theta_i[rows]))
-    asked = np.flatnonzero(np.abs(cosines) > LEAST)
+    asked = np.flatnonzero(np.abs(view.log_cosines(rows)) > LEAST)
     if asked.size > QUERIES:
         asked = np.sort(generator.choice(asked, QUERIES, replace=False))
     if not asked.size:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -36,10 +36,9 @@ def check_peak(view: View) -> DataCheck:
             widths.append(width)
             resolutions.append(step)
             natural.append(NATURAL * width**2 * np.tan(scan.fixed))
-    common: dict[str, Any] = {"name": "peak position"}
+    answer = partial(DataCheck, name="peak position")
     if not shifts:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             figures={"scans": 0},
             sentence="No in-plane scan crosses a peak narrower than "
@@ -67,8 +66,7 @@ def check_peak(view: View) -> DataCheck:
     what = f"{plural(len(shifts), 'peak')}, {figures['width_deg']:.2g}° wide, {lie}"
     if len(shifts) > 1 and noticed and abs(shift) > surface:
         way = "away from" if shift > 0.0 else "towards"
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             figures=figures,
             sentence=f"{what} {abs(shift):.2f}° off the mirror direction, {way} the normal "
@@ -77,8 +75,7 @@ def check_peak(view: View) -> DataCheck:
             f"{abs(shift):.2f}°: align, or correct the angles",
         )
     if noticed:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             figures=figures,
             sentence=f"{what} {shift:+.2f}° from the mirror direction (median): "
@@ -89,8 +86,7 @@ def check_peak(view: View) -> DataCheck:
             ),
             remedy="compare a narrower peak, or the same scan with the sample turned by 180°",
         )
-    return DataCheck(
-        **common,
+    return answer(
         verdict="ok",
         figures=figures,
         sentence=f"{what} {shift:+.2f}° from the mirror direction (median; step "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from lobefit.fitting.checks.finding import DataCheck
@@ -20,10 +22,9 @@ INCIDENCES = 5
 
 def check_pi_factor(view: View, result: Fitted | None) -> DataCheck:
     """Integrate the fitted model at measured incidences, and compare with 1 and with pi."""
-    name = "pi factor"
+    answer = partial(DataCheck, name="pi factor")
     if result is None:
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="cannot tell",
             figures={"albedo": None},
             sentence="No model could be fitted, so there is no albedo.",
@@ -44,30 +45,25 @@ def check_pi_factor(view: View, result: Fitted | None) -> DataCheck:
         "channel": channel,
         "model": result.candidate,
     }
+    answer = partial(answer, figures=figures)
     of = f"albedo {largest:.3g} at theta_i {theta:.3g}° ({result.candidate})"
     if largest <= 1.0 + CALIBRATION:
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="cannot tell",
-            figures=figures,
             sentence=f"The {of} is possible, and so is a pi-th of it: the size of the values "
             "excludes no factor pi.",
             remedy="make sure that the values are in 1/sr, not radiance or reflectance factors",
         )
     if largest <= np.pi * (1.0 + CALIBRATION):
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="suspicious",
-            figures=figures,
             sentence=f"The {of} is more than any passive surface has; divided by pi it is "
             f"{largest / np.pi:.3g}.",
             remedy="if these are radiance or reflectance factors, declare "
             "`# quantity: radiance factor`; else check the calibration",
         )
-    return DataCheck(
-        name=name,
+    return answer(
         verdict="suspicious",
-        figures=figures,
         sentence=f"The {of} is more than any passive surface has, even divided by pi.",
         remedy="check the unit: percent, counts, or a calibration that is missing",
     )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from lobefit.fitting.checks.finding import DataCheck, Verdict
+from lobefit.fitting.checks.finding import DataCheck, Figure, Verdict
 from lobefit.fitting.checks.pairs import MAX_THETA, Pairs, reciprocal_pairs
 from lobefit.fitting.checks.surface import Fitted
 from lobefit.fitting.checks.view import View, plural
@@ -48,7 +50,7 @@ def exchange(view: View, result: Fitted | None) -> Pairs | None:
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         rest = np.log(view.level[rows]) - 0.5 * np.log(there * back)
-    cosines = np.log(np.cos(m.theta_o[rows]) / np.cos(m.theta_i[rows]))
+    cosines = view.log_cosines(rows)
     good = np.isfinite(rest) & (np.abs(cosines) > 0.1)
     # Both views further from the normal than the light and nearer, or the part that is not
     # reciprocal is not told from the model's misfit.
@@ -62,10 +64,9 @@ def exchange(view: View, result: Fitted | None) -> Pairs | None:
 
 def check_reciprocity(pairs: Pairs | None) -> DataCheck:
     """Compare values with light and detector exchanged."""
-    name = "reciprocity"
+    answer = partial(DataCheck, name="reciprocity")
     if pairs is None:
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="cannot tell",
             figures={"pairs": 0},
             sentence="No two directions are, or are nearly, each other with light and detector "
@@ -74,13 +75,12 @@ def check_reciprocity(pairs: Pairs | None) -> DataCheck:
         )
     p, error = pairs.exponent, pairs.exponent_error
     drift = float(np.median(-pairs.ratio * np.sign(pairs.cosines)))
-    figures = {
+    figures: dict[str, Figure] = {
         "pairs": len(pairs),
         "kind": pairs.kind,
         "median_ratio": pairs.median_ratio,
         "grazing_ratio": float(np.exp(drift)),
-        "cosine_exponent": p,
-        "cosine_exponent_error": error,
+        **_exponent(pairs),
     }
     outward = pairs.outward
     alike = max(np.mean(outward > 0.0), np.mean(outward < 0.0)) if outward.size else 0.0
@@ -129,51 +129,43 @@ def check_reciprocity(pairs: Pairs | None) -> DataCheck:
             "a lobe that is not reciprocal over a part that is: a cosine in the lobe alone (Phong), "
             "or a footprint that overfills the sample at grazing angles"
         )
-    return DataCheck(name=name, verdict=verdict, figures=figures, sentence=sentence, remedy=remedy)
+    return answer(verdict=verdict, figures=figures, sentence=sentence, remedy=remedy)
 
 
 def check_cosine_factor(pairs: Pairs | None) -> DataCheck:
     """Tell whether the values carry a cosine that a BRDF has not."""
-    name = "cosine factor"
+    answer = partial(
+        DataCheck, name="cosine factor", figures={} if pairs is None else _exponent(pairs)
+    )
     if pairs is None or (pairs.exponent_error > UNSURE and not _cosine(pairs)):
-        figures = (
-            {}
-            if pairs is None
-            else {"cosine_exponent": pairs.exponent, "cosine_exponent_error": pairs.exponent_error}
-        )
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="cannot tell",
-            figures=figures,
             sentence="Without enough reciprocal pairs a cosine is not told from the surface's "
             "own fall-off.",
             remedy="make sure from the instrument's description that the values are f, "
             "not f cos(theta_o)",
         )
     p, error = pairs.exponent, pairs.exponent_error
-    figures = {"cosine_exponent": p, "cosine_exponent_error": error}
     if _cosine(pairs):
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="suspicious",
-            figures=figures,
             sentence=f"The values follow cos(theta_o)^({p:.2f}) beyond what a reciprocal surface can.",
             remedy=_which(p),
         )
     if abs(p) > SMALL:
-        return DataCheck(
-            name=name,
+        return answer(
             verdict="cannot tell",
-            figures=figures,
             sentence=f"An exponent of {p:.2f} ± {max(error, 0.01):.2f} is neither a cosine nor none.",
             remedy="measure more pairs below 75 degrees",
         )
-    return DataCheck(
-        name=name,
+    return answer(
         verdict="ok",
-        figures=figures,
         sentence=f"No cosine too many or too few: cos(theta_o)^({p:.2f} ± {max(error, 0.01):.2f}).",
     )
+
+
+def _exponent(pairs: Pairs) -> dict[str, Figure]:
+    return {"cosine_exponent": pairs.exponent, "cosine_exponent_error": pairs.exponent_error}
 
 
 def _cosine(pairs: Pairs) -> bool:

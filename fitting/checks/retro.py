@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,39 +46,36 @@ def check_retro(view: View) -> DataCheck:
             around = 0.5 * (logs[ring & (beyond > 0)].mean() + logs[ring & (beyond < 0)].mean())
             ratios.append(float(np.exp(inside.min() - around)))
     dip = float(np.median(ratios)) if ratios else None
-    common: dict[str, Any] = {
-        "name": "retro gap",
-        "figures": {
+    answer = partial(
+        DataCheck,
+        name="retro gap",
+        figures={
             "incidences": covered,
             "gap_deg": float(np.degrees(np.median(gaps))) if gaps else 0.0 if covered else None,
             "dip": dip,
         },
-    }
+    )
     unseen = "retro-reflection cannot be judged, and a model's retro peak there is a guess"
     if not covered:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             sentence=f"No view surrounds the direction of the light: {unseen}.",
         )
     if dip is not None and dip < DARK and np.mean(np.array(ratios) < DARK) > 0.5:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="suspicious",
             sentence=f"Within 4° of the light the values fall to {100 * dip:.2g} % of those "
             "around: the detector seems to stand in the light.",
             remedy="leave out directions within some degrees of the light",
         )
     if len(gaps) > 0.5 * covered:
-        return DataCheck(
-            **common,
+        return answer(
             verdict="cannot tell",
             sentence=f"Nothing was measured within {np.degrees(np.median(gaps)):.2g}° of the "
             f"light: {unseen}.",
             remedy="do not read retro-reflection out of these data",
         )
-    return DataCheck(
-        **common,
+    return answer(
         verdict="ok",
         sentence=f"The direction of the light is covered at {plural(covered, 'incidence')}, "
         "without a dip.",

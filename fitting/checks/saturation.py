@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,16 +40,16 @@ def check_saturation(view: View) -> DataCheck:
                 total += count
                 if count > worst[0]:
                     worst = (count, top, channel, what)
-    common: dict[str, Any] = {
-        "name": "saturation",
-        "figures": {"plateau": worst[0], "value": worst[1] if worst[0] else None},
-    }
+    answer = partial(
+        DataCheck,
+        name="saturation",
+        figures={"plateau": worst[0], "value": worst[1] if worst[0] else None},
+    )
     if not total:
-        return DataCheck(**common, verdict="ok", sentence="No plateau of equal largest values.")
+        return answer(verdict="ok", sentence="No plateau of equal largest values.")
     count, top, channel, what = worst
     of = f" of {channel}" if m.n_channels > 1 else ""
-    return DataCheck(
-        **common,
+    return answer(
         verdict="suspicious",
         sentence=f"{plural(count, 'direction')}{of} ({what}) share the largest value, {top:.4g} "
         "1/sr, as a detector at its limit gives.",

@@ -83,6 +83,11 @@ class View:
         ratio: Array = np.log(self.level[first] / self.level[second])
         return ratio
 
+    def log_cosines(self, rows: Index) -> Array:
+        """Give ln(cos_theta_o/cos_theta_i)."""
+        ratio: Array = np.log(np.cos(self.m.theta_o[rows]) / np.cos(self.m.theta_i[rows]))
+        return ratio
+
     @cached_property
     def to_mirror(self) -> Array:
         """Angle between wo and the mirror direction of wi, in radians."""

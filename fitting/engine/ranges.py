@@ -57,8 +57,3 @@ class Ranges:
             self._left.appendleft((cut, stop))
         self.count -= cut - first
         return first, cut
-
-    def put_back(self, first: int, stop: int) -> None:
-        """Return units; they are the next to be taken."""
-        self._left.appendleft((first, stop))
-        self.count += stop - first

@@ -29,6 +29,7 @@ def test_save(tmp_path: Path) -> None:
         "report": "report.json",
         "fit": "fit.png",
         "lobes": "lobes.exr",
+        "albedo": "albedo.exr",
         "samples": "samples.csv",
     }
     assert set(folder.iterdir()) == set(written.values())

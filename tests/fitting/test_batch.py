@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.batch_same import files_of
 from lobefit.fitting import fit, fit_many, read_measurement, simulate, write_measurement
 from lobefit.fitting.batch import Batch
 from lobefit.fitting.engine import Ledger, Status
@@ -24,7 +24,6 @@ from tests.fitting.texel_cases import directions, surfaces
 
 SCAN = "in-plane incidences=10,40 step=10"
 TEXELS = 200
-TIMES = re.compile(r'"(created|seconds)": [^,\n]+')
 
 
 @pytest.fixture(scope="module")
@@ -53,17 +52,6 @@ def scheduler() -> Iterator[str]:
 def here(place: Path, tmp_path_factory: pytest.TempPathFactory) -> Batch:
     """Fit them on this machine."""
     return fit_many(str(place / "*.csv"), tmp_path_factory.mktemp("here"), "lambert", jobs=1)
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    """Read every file of a batch's items, times taken out of the reports."""
-    found = {}
-    for path in sorted(folder.glob("*/*")):
-        data = path.read_bytes()
-        if path.name == "report.json":
-            data = TIMES.sub("", data.decode()).encode()
-        found[str(path.relative_to(folder))] = data
-    return found
 
 
 def test_every_item_has_a_report_or_a_reason(here: Batch, place: Path) -> None:

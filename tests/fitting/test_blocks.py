@@ -108,7 +108,7 @@ def test_lambert_is_predicted_as_in_closed_form() -> None:
     """A mean with known weights: what is left out is predicted by the mean of the rest."""
     m = simulate("lambert", {"k_d": 0.4}, EIGHT, (0.05, 1e-3), seed=5, sigma=True)
     dataset, blocks = Dataset(m, "chi2", get_device()), find_blocks(m)
-    found = block_scores(fit_point(candidate("lambert"), dataset), dataset, blocks)
+    found = block_scores(fit_point(candidate("lambert"), dataset), blocks)
     assert m.sigma is not None
     y, sigma = m.values[0], m.sigma[0]
     expected = []
@@ -129,7 +129,7 @@ def test_a_refit_is_a_fit_of_the_rest(metric: str) -> None:
     params = {"k_d": 0.2, "k_s": 0.6, "F0": 0.3, "alpha": 0.25}
     m = simulate("ggx", params, EIGHT, (0.03, 1e-4), seed=6, sigma=True)
     dataset, blocks = Dataset(m, metric, get_device()), find_blocks(m)
-    found = block_scores(fit_point(candidate("ggx"), dataset), dataset, blocks)
+    found = block_scores(fit_point(candidate("ggx"), dataset), blocks)
     assert m.sigma is not None
     for k in (0, 3, 7):
         out = blocks.labels == k
@@ -151,6 +151,6 @@ def test_values_that_are_missing_are_not_predicted() -> None:
     holes = np.where(first, np.nan, m.values)
     some = Measurement(m.theta_i, m.phi_i, m.theta_o, m.phi_o, holes, m.channels)
     dataset = Dataset(some, "relative", get_device())
-    found = block_scores(fit_point(candidate("lambert"), dataset), dataset, find_blocks(some))
+    found = block_scores(fit_point(candidate("lambert"), dataset), find_blocks(some))
     assert found[0] == 0.0
     assert np.isfinite(found).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from benchmarks.calibration import (
     rank,
     summarise,
 )
+from benchmarks.long_runs import KeptRows
 from lobefit.fitting.space import Space
 from lobefit.kernels import candidate
 
@@ -125,6 +127,25 @@ def test_truths_are_drawn_from_the_priors_of_the_sampler(name: str) -> None:
 def test_rows_that_are_there_are_not_made_again() -> None:
     rows = [{"case": "lambert", "number": k} for k in range(3)]
     assert calibrate(["lambert"], 2, done=rows, processes=1) == rows[:2]
+
+
+def test_a_run_goes_on_from_the_rows_it_kept(tmp_path: Path) -> None:
+    file, settings = tmp_path / "rows.jsonl", {"draws": 63}
+    first = KeptRows(file, settings, resume=True)
+    assert first.before == []
+    first.add({"case": "a", "number": 0})
+    first.add({"case": "b", "number": 0})
+    with file.open("a") as torn:
+        torn.write('{"draws": 63, "case": "a", "num')
+    again = KeptRows(file, settings, resume=True)
+    assert again.before == [{"case": "a", "number": 0}, {"case": "b", "number": 0}]
+    again.add({"case": "a", "number": 1})  # on a line of its own, though the last one was torn
+    assert len(KeptRows(file, settings, resume=True).before) == 3
+    again.finish(row for row in again.before if row["case"] == "b")
+    assert KeptRows(file, settings, resume=True).before == [{"case": "b", "number": 0}]
+    assert KeptRows(file, {"draws": 7}, resume=True).before == []
+    again.finish()
+    assert not file.exists()
 
 
 def calibrated(simulations: int, kind: str | None = None) -> dict[str, Any]:

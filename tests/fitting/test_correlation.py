@@ -9,6 +9,7 @@ import pytest
 from lobefit.fitting.correlation import find_scans
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.simulate import simulate
+from tests.fitting.processes import autoregressive
 
 Array = npt.NDArray[np.float64]
 
@@ -29,16 +30,6 @@ def detector_scan(step: float = 0.5) -> Measurement:
     return directions(theta_i, np.zeros(1), np.abs(signed), np.where(signed < 0, 0.0, 180.0))
 
 
-def ar1(n: int, rho: float, seed: int, lines: int = 1) -> Array:
-    """Stationary noise with the autocorrelation rho^lag along each line, shape (lines, n)."""
-    rng = np.random.default_rng(seed)
-    z = np.empty((lines, n))
-    z[:, 0] = rng.standard_normal(lines)
-    for k in range(1, n):
-        z[:, k] = rho * z[:, k - 1] + np.sqrt(1 - rho**2) * rng.standard_normal(lines)
-    return z
-
-
 def time_of(m: Measurement, z: Array) -> float:
     return find_scans(m).autocorrelation_time(np.atleast_2d(z))
 
@@ -56,14 +47,14 @@ def test_autoregressive_noise(rho: float) -> None:
     """Its autocorrelation time is known: (1 + rho)/(1 - rho), 3 to 39 steps."""
     m = detector_scan(step=0.05)
     n = m.n_directions // 6
-    found = [time_of(m, ar1(n, rho, seed, lines=6).ravel()) for seed in range(5)]
+    found = [time_of(m, autoregressive(rho, 6, n, seed=seed).ravel()) for seed in range(5)]
     # 19,000 values hold 500 or more independent ones, and the sum is cut where noise begins.
     assert np.mean(found) == pytest.approx((1 + rho) / (1 - rho), rel=0.15)
 
 
 def test_the_order_of_the_rows_does_not_matter() -> None:
     m = detector_scan()
-    z = ar1(m.n_directions // 6, 0.8, seed=1, lines=6).ravel()
+    z = autoregressive(0.8, 6, m.n_directions // 6, seed=1).ravel()
     order = np.random.default_rng(2).permutation(m.n_directions)
     assert time_of(m.select(order), z[order]) == pytest.approx(time_of(m, z), rel=1e-12)
     assert time_of(m, z) > 4
@@ -73,11 +64,11 @@ def test_a_scan_goes_on_through_the_pole() -> None:
     """At normal view phi jumps by 180 degrees; the detector does not."""
     theta_i, signed = grid([30.0], np.arange(-2, 2.1, 0.002))
     m = directions(theta_i, np.zeros(1), np.abs(signed), np.where(signed < 0, 0.0, 180.0))
-    z = ar1(m.n_directions, 0.9, seed=3).ravel()
+    z = autoregressive(0.9, 1, m.n_directions, seed=3).ravel()
     whole = time_of(m, z)
     z_broken = z.copy()
     half = m.n_directions // 2
-    z_broken[half:] = ar1(m.n_directions - half, 0.9, seed=4).ravel()
+    z_broken[half:] = autoregressive(0.9, 1, m.n_directions - half, seed=4).ravel()
     assert whole > 10
     # A cross-over to other noise in the middle costs next to nothing, unlike a fold.
     assert time_of(m, z_broken) == pytest.approx(whole, rel=0.5)
@@ -118,7 +109,7 @@ def test_a_scan_over_azimuths() -> None:
     """Rings: theta_o stands still while phi_o runs."""
     theta_i, theta_o, phi_o = grid([30, 60], [20, 50], np.arange(0, 360, 0.5))
     m = directions(theta_i, np.zeros(1), theta_o, phi_o)
-    z = ar1(720, 0.9, seed=7, lines=4).ravel()
+    z = autoregressive(0.9, 4, 720, seed=7).ravel()
     assert time_of(m, z) == pytest.approx(19.0, rel=0.5)  # 150 independent values only
 
 
@@ -126,7 +117,7 @@ def test_a_scan_of_the_light() -> None:
     """Where the light runs and the detector stands still, lines run along theta_i."""
     theta_o, signed = grid([0, 15, 30, 45, 60, 75], np.arange(-80, 80.1, 0.05))
     m = directions(np.abs(signed), np.where(signed < 0, 180.0, 0.0), theta_o, np.zeros(1))
-    z = ar1(m.n_directions // 6, 0.8, seed=1, lines=6).ravel()
+    z = autoregressive(0.8, 6, m.n_directions // 6, seed=1).ravel()
     assert time_of(m, z) == pytest.approx(9.0, rel=0.3)  # one draw, of a mean good to 15 %
     white = np.random.default_rng(2).standard_normal(m.n_directions)
     assert time_of(m, white) == 1.0
@@ -135,7 +126,7 @@ def test_a_scan_of_the_light() -> None:
 def test_azimuths_may_be_given_with_more_turns() -> None:
     theta_i, theta_o, phi_o = grid([30, 60], [20, 50], np.arange(0, 360, 0.5))
     m = directions(theta_i, np.zeros(1), theta_o, phi_o)
-    z = ar1(720, 0.9, seed=7, lines=4).ravel()
+    z = autoregressive(0.9, 4, 720, seed=7).ravel()
     for turns in (-1, 1, 2):
         turned = directions(theta_i, np.zeros(1), theta_o, phi_o + 360.0 * turns)
         assert time_of(turned, z) == pytest.approx(time_of(m, z), rel=1e-3)
@@ -143,7 +134,7 @@ def test_azimuths_may_be_given_with_more_turns() -> None:
 
 def test_missing_values_do_not_matter() -> None:
     m = detector_scan(step=0.05)
-    z = ar1(m.n_directions // 6, 0.8, seed=8, lines=6).ravel()
+    z = autoregressive(0.8, 6, m.n_directions // 6, seed=8).ravel()
     z[np.random.default_rng(9).uniform(size=z.size) < 0.05] = np.nan
     assert time_of(m, z) == pytest.approx(9.0, rel=0.3)
     assert time_of(m, np.full(m.n_directions, np.nan)) == 1.0
@@ -153,7 +144,7 @@ def test_missing_values_do_not_matter() -> None:
 def test_channels_are_averaged() -> None:
     m = detector_scan(step=0.05)
     n = m.n_directions // 6
-    correlated = ar1(n, 0.8, seed=10, lines=6).ravel()
+    correlated = autoregressive(0.8, 6, n, seed=10).ravel()
     white = np.random.default_rng(11).standard_normal(m.n_directions)
     both = time_of(m, np.stack([correlated, white]))
     assert 1.5 < both < 0.7 * time_of(m, correlated)

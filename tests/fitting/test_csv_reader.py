@@ -11,8 +11,8 @@ import pytest
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.readers import read_measurement
 from lobefit.kernels.errors import MeasurementError
+from tests.fitting.shared_data import DATA, needs_data
 
-SHARED = Path(__file__).parents[2].parent / "shared" / "data"
 HEAD = "theta_i,phi_i,theta_o,phi_o,brdf"
 ROWS = (
     "10,0,10,180,0.31",
@@ -352,19 +352,19 @@ REAL = {
 }
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the real measurements are not beside the checkout")
+@needs_data
 @pytest.mark.parametrize("name", REAL)
 def test_real_measurements(name: str) -> None:
-    made = read_measurement(SHARED / name)
+    made = read_measurement(DATA / name)
     found = (made.rows_read, made.n_directions, made.n_dropped, made.n_merged, made.n_channels)
     assert (*found, made.has_azimuthal_evidence) == REAL[name]
     assert made.positive_share > 0.8
     assert made.decades > 1
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the real measurements are not beside the checkout")
+@needs_data
 def test_every_real_file_reads() -> None:
-    files = sorted(SHARED.rglob("*.csv*"))
+    files = sorted(DATA.rglob("*.csv*"))
     assert len(files) > 20
     for file in files:
         made = read_measurement(file)

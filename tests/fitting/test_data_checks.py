@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,34 +24,16 @@ from lobefit.fitting.checks.view import View
 from lobefit.fitting.document import to_json
 from lobefit.fitting.plausibility import model_checks
 from lobefit.kernels.errors import MeasurementError
+from tests.fitting.check_cases import GLOSSY, HEMISPHERE, IN_PLANE, ROUGH, glossy, rough, times
 from tests.fitting.reports import strict
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
-GLOSSY: dict[str, Any] = {"k_d": 0.1, "F0": 0.3, "alpha": 0.1}
-ROUGH: dict[str, Any] = {"k_d": 0.1, "F0": 0.5, "alpha": 0.35}
-IN_PLANE = "in-plane incidences=10,20,30,40,50,60,70 step=2"
 COARSE = "in-plane incidences=0,35,65 step=5 max=60"
-HEMISPHERE = "hemisphere incidences=20,40,60 theta_step=10 phi_step=30"
-
-
-@cache
-def glossy(geometry: str = IN_PLANE, seed: int = 1) -> Measurement:
-    return simulate("ggx", GLOSSY, geometry, noise=(0.02, 1e-4), seed=seed)
-
-
-@cache
-def rough(geometry: str = IN_PLANE, seed: int = 1) -> Measurement:
-    return simulate("ggx", ROUGH, geometry, noise=(0.02, 1e-4), seed=seed)
 
 
 def lambert(k_d: float, factor: float = 1.0) -> tuple[View, Surface]:
     m = simulate("lambert", {"k_d": k_d}, IN_PLANE, noise=(0.01, 0.0), seed=1)
     surface = Surface("lambert", "lambert", {"k_d": k_d * factor}, {}, m.channels)
     return View(m), surface
-
-
-def times(m: Measurement, factor: Any) -> Measurement:
-    return replace(m, values=m.values * factor)
 
 
 def verdict(m: Measurement, one: Any) -> str:

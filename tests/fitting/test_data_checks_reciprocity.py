@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from lobefit.fitting import Measurement, read_measurement, simulate
+from lobefit.fitting import read_measurement, simulate
 from lobefit.fitting.checks.reciprocity import check_cosine_factor, check_reciprocity, exchange
 from lobefit.fitting.checks.surface import fitted_surface
 from lobefit.fitting.checks.view import View
-
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
-GLOSSY: dict[str, Any] = {"k_d": 0.1, "F0": 0.3, "alpha": 0.1}
-ROUGH: dict[str, Any] = {"k_d": 0.1, "F0": 0.5, "alpha": 0.35}
-IN_PLANE = "in-plane incidences=10,20,30,40,50,60,70 step=2"
-HEMISPHERE = "hemisphere incidences=20,40,60 theta_step=10 phi_step=30"
-
-
-@cache
-def glossy(geometry: str = IN_PLANE, seed: int = 1) -> Measurement:
-    return simulate("ggx", GLOSSY, geometry, noise=(0.02, 1e-4), seed=seed)
-
-
-@cache
-def rough(geometry: str = IN_PLANE, seed: int = 1) -> Measurement:
-    return simulate("ggx", ROUGH, geometry, noise=(0.02, 1e-4), seed=seed)
-
-
-def times(m: Measurement, factor: Any) -> Measurement:
-    return replace(m, values=m.values * factor)
+from tests.fitting.check_cases import GLOSSY, HEMISPHERE, IN_PLANE, ROUGH, glossy, rough, times
+from tests.fitting.shared_data import DATA, needs_data
 
 
 @pytest.mark.parametrize("surface", [glossy, rough])
@@ -136,9 +115,7 @@ def test_a_turned_anisotropic_sample_is_reciprocal_but_for_its_azimuths() -> Non
         assert check_reciprocity(pairs).verdict == expected
 
 
-@pytest.mark.skipif(
-    not DATA.is_dir(), reason="the measurements are not part of the project (../shared/data)"
-)
+@needs_data
 @pytest.mark.parametrize(
     ("name", "expected"),
     [

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lobefit import __version__
+from lobefit.fitting import fit, simulate
 from lobefit.fitting.document import SCHEMA, report_document, to_json
 from lobefit.fitting.measurement import Dropped
 from lobefit.kernels import evaluate, get_model
@@ -143,3 +144,12 @@ def test_lists_of_numbers_take_one_line() -> None:
     text = to_json({"a": [1, -2.5, None, 1e-9], "b": ["x", 1], "c": [[1, 2], [3, 4]]})
     assert '"a": [1, -2.5, null, 1e-09],' in text
     assert "[3, 4]" in text
+
+
+def test_the_covariance_names_what_it_is_of() -> None:
+    """Of a candidate that ties one parameter to another and holds a third."""
+    m = simulate("ward:isotropic", {"k_d": 0.2, "k_s": 0.3, "alpha_x": 0.2}, seed=3)
+    (found,) = report_document(fit(m, "ward:isotropic"))["results"]
+    assert [e["status"] for e in found["estimates"]] == ["free", "free", "free", "tied", "fixed"]
+    assert found["covariance_of"] == ["k_d[brdf]", "k_s[brdf]", "alpha_x"]
+    assert np.shape(found["covariance"]) == (3, 3)

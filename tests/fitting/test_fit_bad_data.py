@@ -12,6 +12,8 @@ from lobefit.kernels import MeasurementError
 
 GLOSSY = {"k_d": 0.2, "k_s": 0.6, "F0": 0.3, "alpha": 0.15}
 SCAN = "in-plane incidences=10,30,50,70 step=2"
+PEAK = "ggx:k_s=1"
+SHINY = {"k_d": 0.2, "F0": 0.3, "alpha": 0.15}
 
 
 def test_a_black_channel_is_refused_by_name() -> None:
@@ -50,3 +52,33 @@ def test_an_undone_reweighing_leaves_errors_of_the_weights_in_force() -> None:
         dof = result.diagnostics.samples - result.n_parameters
         # Gross misfits are weighed by capped levels, and rounds end before the last digit.
         assert 0.5 < result.objective / dof < 2.0, result.candidate
+
+
+@pytest.mark.parametrize(
+    ("model", "params", "views", "repeats", "said"),
+    [
+        ("lambert", {"k_d": 0.3}, 5, 1, "5 directions leave 4 degrees of freedom, "),
+        (PEAK, SHINY, 5, 1, "5 directions leave 2 degrees of freedom, "),
+        # As many readings again, in other colours or of the same directions, test no other shape.
+        (
+            PEAK,
+            {**SHINY, "k_d": [0.2, 0.3, 0.4]},
+            5,
+            1,
+            "5 directions leave 2.7 degrees of freedom in each channel, ",
+        ),
+        ("lambert", {"k_d": 0.3}, 5, 5, "5 directions leave 4 degrees of freedom, "),
+        ("lambert", {"k_d": 0.3}, 20, 1, ""),
+        (PEAK, {**SHINY, "k_d": [0.2, 0.3, 0.4]}, 20, 1, ""),
+    ],
+)
+def test_a_verdict_says_how_little_it_was_tested_on(
+    model: str, params: dict[str, float | list[float]], views: int, repeats: int, said: str
+) -> None:
+    theta_o = np.repeat(np.linspace(0.0, 1.2, views), repeats)
+    rows = (0.5 + 0.0 * theta_o, 0.0 * theta_o, theta_o, np.pi + 0.0 * theta_o)
+    found = fit(simulate(model, params, rows, (0.01, 1e-4), seed=2), model)
+    assert found.described
+    assert said in found.verdict
+    assert ("tests it little" in found.verdict) == bool(said)
+    assert ("describes this surface to within its noise" in found.verdict) != bool(said)

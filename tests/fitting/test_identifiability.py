@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -23,10 +22,10 @@ from lobefit.fitting.tables import cautions, parameters
 from lobefit.kernels import candidate, get_device
 from lobefit.service.texts import result_lines
 from tests.fitting.reports import strict
+from tests.fitting.shared_data import DATA, needs_data
 
 Array = npt.NDArray[np.float64]
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 NOISE = (0.02, 1e-3)
 GLOSSY: dict[str, float | list[float]] = {"k_d": 0.1, "k_s": 1.0, "F0": 0.04, "alpha": 0.1}
 NORMAL = "in-plane incidences=0,5 step=10"
@@ -222,9 +221,7 @@ def test_without_a_lobe_nothing_is_said_of_its_shape() -> None:
     assert rows["alpha"].standard_error is None
 
 
-@pytest.mark.skipif(
-    not DATA.is_dir(), reason="the measurements are not part of the project (../shared/data)"
-)
+@needs_data
 def test_a_misfit_does_not_make_a_bright_lobe_nothing() -> None:
     """Residuals of half the value count as noise; a peak 10 times the rest is none all the same."""
     report = fit(read_measurement(DATA / "mtmrt_aluminium.csv"), "ggx+ggx")

@@ -192,6 +192,8 @@ def test_a_veil_is_no_model() -> None:
         ({"aperture_deg": 0.0}, "full angle"),
         ({"aperture_deg": 90.0}, "full angle"),
         ({"reading": "brdf"}, "'flux' or 'radiance'"),
+        ({"reading": "radiance"}, "changes nothing by itself"),
+        ({"reading": "radiance", "gain": 0.1}, "goes with a tilt, a veil or an aperture"),
     ],
 )
 def test_instruments_that_do_not_exist(wrong: dict[str, float], said: str) -> None:
@@ -240,6 +242,7 @@ def test_the_command_line_tells_what_was_found(measured: Measurement, tmp_path: 
     for flags, complaint in (
         (["--aperture", "100"], "aperture_deg is a full angle"),
         (["--tilt", "--posterior"], "--posterior accounts for no --tilt"),
+        (["--radiance"], "a reading of radiance changes nothing by itself"),
     ):
         wrong = CliRunner().invoke(app, ["fit", str(file), *flags])
         assert wrong.exit_code == 2

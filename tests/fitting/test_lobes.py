@@ -12,14 +12,7 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
-from lobefit.fitting.lobes import (
-    LAYERS,
-    MAX_INCIDENCES,
-    MAX_NUMBERS,
-    make_grid,
-    write_exr,
-    write_lobes,
-)
+from lobefit.fitting.lobes import LAYERS, MAX_INCIDENCES, MAX_NUMBERS, make_grid, write_lobes
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.simulate import simulate
 from lobefit.kernels.errors import LobefitError
@@ -97,20 +90,6 @@ def test_normal_incidence_on_a_turned_sample_has_a_row_for_each_plane() -> None:
     assert degrees == [(t, p) for t in (0, 40) for p in (0, 45, 90, 135)]
     # No two views of one plane share a cell.
     assert len(np.unique(grid.cell)) == m.n_directions
-
-
-def test_strided_planes_are_stored_in_order(tmp_path: Path) -> None:
-    """OpenEXR itself stores [0, 3, 6, 9] of a strided array as [0, 1, 2, 3], without an error."""
-    numbers = np.arange(36, dtype=np.float32).reshape(3, 12)
-    planes = {
-        "a": numbers[:, ::3],
-        "b": numbers[:, :4].T,
-        "c": np.broadcast_to(numbers[:1], (3, 12)),
-    }
-    for name, plane in planes.items():
-        write_exr(tmp_path / "planes.exr", {name: plane}, {})
-        pixels, _ = read_exr(tmp_path / "planes.exr")
-        np.testing.assert_array_equal(pixels[name], plane)
 
 
 def test_a_file_that_reads_back_differently_is_refused(

@@ -15,18 +15,9 @@ from lobefit.fitting.chains import (
     rank_normalised,
     tail_ess,
 )
+from tests.fitting.processes import autoregressive
 
 Array = npt.NDArray[np.float64]
-
-
-def autoregressive(rho: float, chains: int, steps: int, seed: int = 1) -> Array:
-    """Give stationary AR(1) chains; their autocorrelation time is (1 + rho) / (1 - rho)."""
-    rng = np.random.default_rng(seed)
-    x = np.empty((chains, steps))
-    x[:, 0] = rng.standard_normal(chains)
-    for t in range(1, steps):
-        x[:, t] = rho * x[:, t - 1] + math.sqrt(1 - rho**2) * rng.standard_normal(chains)
-    return x
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])

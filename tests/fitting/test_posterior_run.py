@@ -18,7 +18,7 @@ import pytest
 from lobefit.fitting.chain_file import ChainFile
 from lobefit.fitting.laplace import Laplace, laplace, starts
 from lobefit.fitting.moves import Proposal
-from lobefit.fitting.sampler import Outcome, SamplingProgress, judge, run
+from lobefit.fitting.sampler import Outcome, SamplingProgress, autocorrelation_times, judge, run
 from lobefit.kernels import FitError
 
 Array = npt.NDArray[np.float64]
@@ -207,9 +207,9 @@ def test_modes_that_different_ensembles_found_are_weighed_right() -> None:
 
 def test_ensembles_that_disagree_are_reported() -> None:
     x = np.random.default_rng(1).standard_normal((600, 4, 32, 2))
-    assert judge(x, x[:500], ("a", "b")).reasons == ()
+    assert judge(x, autocorrelation_times(x[:500]), ("a", "b")).reasons == ()
     x[:, 2, :, 1] += 0.6  # one ensemble stays somewhere else
-    said = judge(x, x[:500], ("a", "b")).reasons
+    said = judge(x, autocorrelation_times(x[:500]), ("a", "b")).reasons
     assert len(said) == 1
     assert said[0].startswith("the 4 ensembles disagree: R-hat of b is 1.")
 
@@ -222,7 +222,10 @@ def test_a_chain_too_short_says_so() -> None:
     assert any("fewer than 50 autocorrelation times" in r for r in outcome.judgement.reasons)
     assert "too few steps to tell whether" in outcome.judgement.reasons[1]
     still = np.full((200, 4, 32, 1), 2.0)
-    assert judge(still, still[:100], ("x",)).reasons[0] == "the walkers do not move in x"
+    assert (
+        judge(still, autocorrelation_times(still[:100]), ("x",)).reasons[0]
+        == "the walkers do not move in x"
+    )
     with pytest.raises(FitError, match="within the warm-up of 352"):
         sampled(density, laplace(density, np.zeros(6)), chain_of(6), max_steps=300)
 

@@ -38,16 +38,22 @@ PRIORS: list[Prior] = [
 ]
 
 
+def check_jacobian(transforms: Transforms, q: Array) -> None:
+    """Compare with the determinant of differences."""
+    steps = 1e-5 * np.eye(q.shape[1])
+    columns = [
+        (transforms.to_parameters(q + e) - transforms.to_parameters(q - e)) / 2e-5 for e in steps
+    ]
+    determinant = np.linalg.det(np.stack(columns, axis=2))
+    found = transforms.log_jacobian(q, transforms.to_parameters(q))
+    np.testing.assert_allclose(found, np.log(np.abs(determinant)), atol=1e-6)
+
+
 @pytest.mark.parametrize("name", WAYS)
 def test_jacobians_against_differences(name: str) -> None:
     transforms = Transforms([WAYS[name]])
     q = np.linspace(-1.2, 1.2, 41)[:, None] * (8.0 if "log" in name else 1.0)
-    theta = transforms.to_parameters(q)
-    step = 1e-5
-    slope = (transforms.to_parameters(q + step) - transforms.to_parameters(q - step)) / (2 * step)
-    np.testing.assert_allclose(
-        transforms.log_jacobian(q, theta), np.log(np.abs(slope[:, 0])), atol=1e-6
-    )
+    check_jacobian(transforms, q)
 
 
 @pytest.mark.parametrize("name", WAYS)
@@ -80,14 +86,7 @@ def test_a_scale_sampled_with_its_ratio() -> None:
     theta = transforms.to_parameters(q)
     np.testing.assert_allclose(np.exp(q[:, 0]), theta[:, 0] * (0.9 * theta[:, 1] + 0.02))
     np.testing.assert_allclose(transforms.to_coordinates(theta), q, atol=1e-9)
-    step = 1e-5 * np.eye(3)
-    columns = [
-        (transforms.to_parameters(q + e) - transforms.to_parameters(q - e)) / 2e-5 for e in step
-    ]
-    determinant = np.linalg.det(np.stack(columns, axis=2))
-    np.testing.assert_allclose(
-        transforms.log_jacobian(q, theta), np.log(np.abs(determinant)), atol=1e-6
-    )
+    check_jacobian(transforms, q)
 
 
 def test_scales_of_noise_sampled_together() -> None:
@@ -98,14 +97,7 @@ def test_scales_of_noise_sampled_together() -> None:
     theta = transforms.to_parameters(q)
     np.testing.assert_allclose(np.hypot(theta[:, 1], 0.3 * theta[:, 2]), np.exp(q[:, 1]))
     np.testing.assert_allclose(transforms.to_coordinates(theta), q, atol=1e-9)
-    step = 1e-5 * np.eye(3)
-    columns = [
-        (transforms.to_parameters(q + e) - transforms.to_parameters(q - e)) / 2e-5 for e in step
-    ]
-    determinant = np.linalg.det(np.stack(columns, axis=2))
-    np.testing.assert_allclose(
-        transforms.log_jacobian(q, theta), np.log(np.abs(determinant)), atol=1e-6
-    )
+    check_jacobian(transforms, q)
 
 
 def test_the_data_choose_how_a_scale_is_sampled() -> None:

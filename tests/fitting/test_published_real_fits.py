@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.optimize import least_squares
 
 from lobefit.fitting import FitResult, Measurement, fit, read_measurement
+from tests.fitting.shared_data import DATA, needs_data
 from tests.kernels.transcriptions import geometry, load
 
 Array = npt.NDArray[np.float64]
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason="the measurements are not part of the project (../shared/data)"
-)
+pytestmark = needs_data
 
 ALUMINIUM = {"A": 3.362e-3, "B": 4.309e-6, "g": 2.068}
 VEGETATION = {"k_d": 0.53, "k_s": 0.28, "n": 7.31}

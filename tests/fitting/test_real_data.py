@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from lobefit.fitting import FitReport, Measurement, fit, read_measurement
+from tests.fitting.shared_data import DATA, needs_data
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
-
-pytestmark = pytest.mark.skipif(
-    not DATA.is_dir(), reason="the measurements are not part of the project (../shared/data)"
-)
+pytestmark = needs_data
 
 # Best rms of log10 over the standard candidates, least squares of the logarithm. The fits of
 # the two marked files were checked against scipy's least_squares from 20 starts, to 5 digits.

@@ -129,6 +129,14 @@ def test_the_richer_model_where_it_is_true() -> None:
     assert "the next simpler, " in report.choice.sentence
 
 
+def test_one_parameter_is_no_plural() -> None:
+    report = fit(simulate("lambert", {"k_d": 0.3}, SCAN, (0.02, 1e-3), seed=1), FEW)
+    assert report.choice is not None
+    assert report.choice.sentence.startswith(
+        "Why lambert (1 parameter): nothing simpler was fitted"
+    )
+
+
 def test_a_richer_model_must_matter(nearly: Measurement) -> None:
     exact, tolerant = fit(nearly, FEW), fit(nearly, FEW, tolerance=0.02)
     assert exact.best.candidate == "ggx"

@@ -21,7 +21,14 @@ from lobefit.fitting.tradeoff_posterior import quantile_error
 from lobefit.fitting.tradeoff_subject import every, held_out, simulated
 from lobefit.fitting.tradeoff_texts import functions
 from lobefit.fitting.tradeoff_timing import interleaved
-from lobefit.kernels import DeviceError, FitError, MeasurementError, candidate, get_device
+from lobefit.kernels import (
+    DeviceError,
+    FitError,
+    MeasurementError,
+    candidate,
+    evaluate,
+    get_device,
+)
 from lobefit.kernels.arithmetic import Arithmetic, ArithmeticDevice, arithmetics
 
 TRUTH = {"k_d": 0.1, "F0": 0.5, "alpha": 0.3}
@@ -83,6 +90,18 @@ def test_a_truth_without_noise_is_what_it_says() -> None:
     assert subject.error(subject.test.values) == 0.0
     assert subject.error(1.1 * subject.test.values) == pytest.approx(0.1, rel=0.05)
     assert "scored against the truth" in subject.note
+
+
+def test_the_noise_of_readings_is_the_error_of_the_truth(small: Measurement) -> None:
+    subject = held_out(small)
+    found = subject.noise(fit(subject.train, ["ggx:k_s=1"]).best)
+    truth = evaluate("ggx", {**TRUTH, "k_s": 1.0}, *subject.angles)
+    # 36 readings: their scatter is known to 1/sqrt(72) = 12 %, and so is the noise that was found.
+    assert found == pytest.approx(subject.error(truth), rel=0.4)
+    exact = simulated("ggx:k_s=1", TRUTH, geometry=SCAN, noise=(0.05, 0.0), seed=1)
+    misfit = fit(subject.train, ["lambert"]).best
+    assert exact.noise(misfit) == 0.0
+    assert subject.noise(misfit) is None
 
 
 @pytest.mark.parametrize("step", [2, 4])

@@ -153,6 +153,14 @@ def test_the_answer_is_the_fastest_within_the_tolerance() -> None:
     assert "near with 2.0004 %" in near  # not "2 %", which was asked for
 
 
+def test_an_error_that_is_mostly_noise_is_called_so() -> None:
+    only = panel([point("near", [1.0], [0.0204])])
+    assert answer(only, 0.02, 0.02).endswith("The noise of the held-out readings alone is 2 %.")
+    for little in (None, 0.0, 0.009):
+        assert "noise" not in answer(only, 0.02, little)
+    assert "noise" not in answer(only, 0.03, 0.02)
+
+
 def test_a_finding_compares_with_the_usual() -> None:
     usual = point("ggx", [0.06], [0.0230], usual=True)
     quarter = point("ggx, every 4th angle", [0.01], [0.0234])

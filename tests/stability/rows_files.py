@@ -23,7 +23,7 @@ ROWS = [
         status="handled",
         tests=(
             f"{HERE}test_strided",
-            f"{LOBES}test_strided_planes_are_stored_in_order",
+            "tests/fitting/test_exr.py::test_strided_planes_are_stored_in_order",
             f"{LOBES}test_a_file_that_reads_back_differently_is_refused",
         ),
     ),
@@ -35,11 +35,16 @@ ROWS = [
         "MemoryError is only printed, and the picture has {parts:.0f} parts.",
         how="OpenEXR.File(path) in a process of its own",
         figures={"bytes": 336, "parts": 0},
-        lobefit="Cannot occur: no EXR of a user is opened; given as a measurement it is refused "
-        "by its "
-        "first bytes, with that reason.",
+        lobefit="The environment of a scene is opened in a process of its own with limits of size, "
+        "memory and time, its header judged before any pixel; texels are read by OpenImageIO, "
+        "which refuses both. What is refused is told with its file; as a measurement an EXR is "
+        "refused by its first bytes.",
         status="handled",
-        tests=(f"{HERE}test_forged",),
+        tests=(
+            f"{HERE}test_forged",
+            "tests/fitting/test_scene_file.py::test_hostile_environments_are_refused",
+            "tests/fitting/test_texel_exr.py::test_hostile_files_are_refused",
+        ),
     ),
     Mode(
         id="F43",

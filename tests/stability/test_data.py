@@ -12,6 +12,7 @@ from lobefit.fitting import Instrument, Measurement, check, fit, read_measuremen
 from lobefit.fitting.lobes import make_grid, write_lobes
 from lobefit.fitting.sample import sample
 from lobefit.kernels import MeasurementError, evaluate
+from lobefit.kernels.evaluate import Params
 from tests.fitting.test_lobes import read_exr
 from tests.stability.modes import measured
 from tests.stability.naive import Array, angles, errors, ggx_of_scale_1, least_squares
@@ -25,6 +26,15 @@ def noisy(m: Measurement, f: Array, seed: int = 1) -> Measurement:
     """Give a measurement of values f with 2 % and 0.001 1/sr of noise."""
     noise = np.random.default_rng(seed).standard_normal(f.shape)
     return replace(m, values=f + noise * np.hypot(0.02 * f, 1e-3))
+
+
+def leaning(m: Measurement, truth: Params) -> tuple[Array, Array]:
+    """Give what is seen of a sample whose normal is half a degree off, and cos theta_o there."""
+    tilt = np.radians(0.5)
+    theta_i = m.theta_i + tilt
+    theta_o = np.where(np.cos(m.phi_o - m.phi_i) < 0, m.theta_o, -m.theta_o) - tilt
+    phi_o = np.where(theta_o >= 0, np.pi, 0.0)
+    return evaluate("ggx", truth, theta_i, 0.0, np.abs(theta_o), phi_o), np.cos(theta_o)
 
 
 def test_grazing() -> None:
@@ -65,10 +75,7 @@ def test_shifted_peak() -> None:
     """The sample's normal half a degree off: the lobe is a degree off the mirror direction."""
     truth = {**GLOSSY, "alpha": 0.05}
     m = simulate("ggx", truth, SCAN)
-    side = np.where(np.cos(m.phi_o - m.phi_i) < 0, 1.0, -1.0)
-    tilt = np.radians(0.5)
-    theta_i, theta_o = m.theta_i + tilt, side * m.theta_o - tilt
-    f = evaluate("ggx", truth, theta_i, 0.0, np.abs(theta_o), np.where(theta_o >= 0, np.pi, 0.0))
+    f, _ = leaning(m, truth)
     m = noisy(m, f)
     found, covariance = least_squares(
         ggx_of_scale_1,
@@ -85,7 +92,7 @@ def test_shifted_peak() -> None:
     assert peak.verdict == "suspicious"
     assert "a sample tilted by 0.4" in peak.remedy
     wide = {**truth, "alpha": 0.1}
-    f = evaluate("ggx", wide, theta_i, 0.0, np.abs(theta_o), np.where(theta_o >= 0, np.pi, 0.0))
+    f, _ = leaning(m, wide)
     peak = check(noisy(m, f), report.best)["peak position"]
     assert peak.verdict == "suspicious"
     assert "a sample tilted by 0.5" in peak.remedy
@@ -100,11 +107,8 @@ def test_shifted_peak() -> None:
 def test_shifted_peak_and_veil_are_fitted_when_asked_for() -> None:
     truth = {**GLOSSY, "alpha": 0.05}
     m = simulate("ggx", truth, SCAN)
-    side = np.where(np.cos(m.phi_o - m.phi_i) < 0, 1.0, -1.0)
-    tilt = np.radians(0.5)
-    theta_i, theta_o = m.theta_i + tilt, side * m.theta_o - tilt
-    f = evaluate("ggx", truth, theta_i, 0.0, np.abs(theta_o), np.where(theta_o >= 0, np.pi, 0.0))
-    seen = f * np.cos(theta_o) / np.cos(m.theta_o)  # divided by the nominal cosine
+    f, cosine = leaning(m, truth)
+    seen = f * cosine / np.cos(m.theta_o)  # divided by the nominal cosine
     veil = evaluate("ggx", truth, *angles(m)) + 0.02 / np.cos(m.theta_o)
     for readings, instrument, name, value in (
         (seen, Instrument(tilt=True), "tilt_x", -0.5),

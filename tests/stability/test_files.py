@@ -13,7 +13,7 @@ import OpenEXR
 import pytest
 
 from lobefit.fitting import read_measurement
-from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.exr import write_exr
 from lobefit.kernels import MeasurementError
 from tests.fitting.test_lobes import read_exr
 from tests.stability.modes import measured

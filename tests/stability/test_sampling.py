@@ -14,7 +14,7 @@ from lobefit.fitting.chain_file import ChainFile
 from lobefit.fitting.laplace import laplace, starts
 from lobefit.fitting.likelihood import Density
 from lobefit.fitting.sample import sample
-from lobefit.fitting.sampler import Outcome, judge, run
+from lobefit.fitting.sampler import Outcome, autocorrelation_times, judge, run
 from lobefit.fitting.space import Space
 from lobefit.fitting.transforms import Transforms, Way
 from lobefit.kernels import FitError, candidate, get_device
@@ -149,7 +149,7 @@ def test_short_chain() -> None:
     with pytest.raises(emcee.autocorr.AutocorrError, match="shorter than 50 times"):
         short.get_autocorr_time()
     chain = short.get_chain()[:, None]
-    said = " ".join(judge(chain, chain[:160], ("x", "y", "z")).reasons)
+    said = " ".join(judge(chain, autocorrelation_times(chain[:160]), ("x", "y", "z")).reasons)
     assert "200 steps are fewer than 50 autocorrelation times" in said
     outcome, samples = own(gauss, np.zeros(3))
     assert outcome.judgement.reasons == ()
@@ -184,7 +184,7 @@ def test_modes_apart() -> None:
     # Ensembles in different modes disagree, and that is said.
     apart = np.random.default_rng(1).standard_normal((400, 4, 16, 3))
     apart[:, :2, :, 0] += 20.0
-    said = " ".join(judge(apart, apart[:320], ("x", "y", "z")).reasons)
+    said = " ".join(judge(apart, autocorrelation_times(apart[:320]), ("x", "y", "z")).reasons)
     assert "the 4 ensembles disagree: R-hat of x is" in said
     # Twenty apart the other one is found from the first, fifty apart by no ensemble.
     outcome, samples = own(two_modes(10.0), np.array([10.0, 0, 0]))
