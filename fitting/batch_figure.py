@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ def draw_batch(rows: Rows) -> Figure:
     ----------
     rows : sequence of mapping
         As in the table (`lobefit.fitting.batch_table.ITEM_COLUMNS`), the first at the top. Beyond
-        300 items rows get thinner and only failures are named.
+        300 items rows get thinner and only failures are named, unless these are as many.
 
     Returns
     -------
@@ -59,11 +59,12 @@ def draw_batch(rows: Rows) -> Figure:
     widths = [max(0.2 * len(models), 0.8), 2.6, 1.8]
     figure = Figure(figsize=(max(sum(widths) + names + 0.6, 6.4), height), layout="constrained")
     FigureCanvasAgg(figure)
-    failed = sum(bool(row.get("reason")) for row in rows)
+    failed = sum(_has_failed(row) for row in rows)
+    ended = sum(not row.get("model") and row.get("status") == "cancelled" for row in rows)
     poor = sum(row.get("described") is False for row in rows)
     figure.suptitle(
-        f"{len(rows)} items: {len(rows) - failed} fitted, {poor} of them not described by any "
-        f"model, {failed} failed",
+        f"{len(rows)} items: {len(rows) - failed - ended} fitted, {poor} of them not described by "
+        f"any model, {failed} failed" + (f", {ended} cancelled" if ended else ""),
         fontsize=9,
         color=DARK,
         x=0.01,
@@ -90,35 +91,39 @@ def _short(text: str, most: int = LONGEST) -> str:
     return text if len(text) <= most else f"{text[:half]}…{text[-half:]}"
 
 
+def _has_failed(row: Mapping[str, Any]) -> bool:
+    return bool(row.get("reason")) and row.get("status") != "cancelled"
+
+
+def _named(rows: Rows) -> list[int]:
+    """Say which rows there is room to write about: all, else failures, else none."""
+    failed = [k for k, row in enumerate(rows) if _has_failed(row)]
+    return next((at for at in ([*range(len(rows))], failed) if len(at) <= MOST), [])
+
+
 def _name_rows(ax: Axes, rows: Rows) -> None:
-    every = len(rows) <= MOST
-    at = [k for k, row in enumerate(rows) if every or row.get("reason")]
+    at = _named(rows)
     ax.set_yticks(at, [_short(rows[k]["name"]) for k in at], fontsize=7)
     for k, label in zip(at, ax.get_yticklabels(), strict=True):
-        label.set_color(ACCENT if rows[k].get("reason") else DARK)
+        label.set_color(ACCENT if _has_failed(rows[k]) else DARK)
 
 
 def _colour(row: Mapping[str, Any]) -> str:
     return FITTED if row.get("described") is not False else ACCENT
 
 
-def _mark(ax: Axes, points: Iterable[tuple[float, int, str]], **style: Any) -> None:
-    """Draw markers at x, y of a colour: all of one colour at once, as a call for each is slow."""
-    of: dict[str, list[tuple[float, int]]] = {}
-    for x, y, colour in points:
-        of.setdefault(colour, []).append((x, y))
-    for colour, at in of.items():
-        ax.plot(*zip(*at, strict=True), ls="", color=colour, mew=0, **style)
+def _mark(ax: Axes, points: Sequence[tuple[float, int, str]], **style: Any) -> None:
+    """Draw markers at x, y of a colour, those not described on top; a call for each is slow."""
+    for colour in (FITTED, ACCENT):
+        at = [(x, y) for x, y, own in points if own == colour]
+        if at:
+            ax.plot(*zip(*at, strict=True), ls="", color=colour, mew=0, **style)
 
 
 def _draw_models(ax: Axes, rows: Rows, models: list[str], chosen: Counter[str]) -> None:
     place = {name: x for x, name in enumerate(models)}
-    _mark(
-        ax,
-        ((place[row["model"]], k, _colour(row)) for k, row in enumerate(rows) if row.get("model")),
-        marker="s",
-        ms=5,
-    )
+    chosen_by = [(k, row) for k, row in enumerate(rows) if row.get("model")]
+    _mark(ax, [(place[row["model"]], k, _colour(row)) for k, row in chosen_by], marker="s", ms=5)
     ax.set_xlim(-0.6, max(len(models), 1) - 0.4)
     labels = [f"{name} ({chosen[name]})" for name in models]
     ax.set_xticks(range(len(models)), labels, rotation=90, fontsize=7)
@@ -135,15 +140,19 @@ def _draw_errors(ax: Axes, rows: Rows) -> None:
     low, high = np.floor(np.log10(min(shown))), np.floor(np.log10(max(shown))) + 1.0
     ax.set_xlim(10.0**low, 10.0**high)
     marked = []
+    named = set(_named(rows))
     for k, row in enumerate(rows):
         error = row.get("log10_rms")
         if row.get("reason"):
+            if k not in named:
+                continue
+            failed = _has_failed(row)
             ax.text(
                 0.01,
                 k,
-                f"failed: {_short(row['reason'], 58)}",
+                f"{'failed: ' * failed}{_short(row['reason'], 58)}",
                 fontsize=6,
-                color=ACCENT,
+                color=ACCENT if failed else GREY,
                 va="center",
                 transform=ax.get_yaxis_transform(),
                 clip_on=False,
@@ -160,8 +169,14 @@ def _draw_errors(ax: Axes, rows: Rows) -> None:
 
 
 def _draw_times(ax: Axes, rows: Rows) -> None:
+    from matplotlib.collections import PolyCollection
+
     seconds = [row.get("seconds") or 0.0 for row in rows]
-    ax.barh(range(len(rows)), seconds, height=0.6, color="#9ecae1")
+    # Bars as one thing to draw, since a patch for each is slow.
+    bars = [
+        [(0.0, k - 0.3), (s, k - 0.3), (s, k + 0.3), (0.0, k + 0.3)] for k, s in enumerate(seconds)
+    ]
+    ax.add_collection(PolyCollection(bars, facecolor="#9ecae1", edgecolor="none"), autolim=False)
     ax.set_xlim(0.0, 1.05 * max(seconds) or 1.0)
     ax.xaxis.tick_top()
     ax.xaxis.set_label_position("top")

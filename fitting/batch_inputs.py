@@ -147,7 +147,8 @@ def _paths(text: str) -> list[Path]:
         )
     found = sorted(Path(p) for p in glob.glob(text, recursive=True) if Path(p).is_file())  # noqa: PTH207
     if not found:
-        raise MeasurementError("there is no such file", file=text)
+        said = "matches no file" if glob.has_magic(text) else "there is no such file"
+        raise MeasurementError(said, file=text)
     return found
 
 

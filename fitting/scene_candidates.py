@@ -11,6 +11,7 @@ from lobefit.fitting.export.fitted import Fitted, read_fitted
 from lobefit.fitting.measurement import Measurement
 from lobefit.fitting.readers import read_measurement
 from lobefit.fitting.selection import BIC_WINDOW
+from lobefit.kernels.candidates import candidate
 from lobefit.kernels.errors import LobefitError, SceneError
 
 __all__ = ["CLASSIC", "Fits", "ShadingModel", "read_fits"]
@@ -33,6 +34,8 @@ class ShadingModel:
         BIC above the report's lowest.
     log10_rms : float or None
         Root mean square of log10(model/measured), as the report states it.
+    determined : bool
+        Whether the data say something about every parameter.
     origin : str
         "report", or "fitted here" to the samples beside it.
     """
@@ -42,6 +45,7 @@ class ShadingModel:
     bic_difference: float | None
     log10_rms: float | None
     origin: str = "report"
+    determined: bool = True
 
     @property
     def name(self) -> str:
@@ -83,6 +87,7 @@ class Fits:
         known = {m.name: m for m in self.models}
         for name in names:
             if name not in known:
+                _exists(name)
                 raise SceneError(
                     f"/models: no result is called {name!r}; the report has {', '.join(known)}. "
                     f"Fit it with `lobefit fit FILE --models {name},... --out DIR`"
@@ -94,10 +99,16 @@ class Fits:
         """The richest sufficient model.
 
         Of those whose BIC is within `BIC_WINDOW` of the lowest (without a likelihood, of the
-        recommended one alone), the one of the most parameters; of equals the better BIC.
+        recommended one alone), the one of the most parameters; of equals the better BIC. One
+        with a parameter that the data say nothing about is not richer for it: its picture,
+        such as the axis of an anisotropy, would be made up.
         """
         own = [m for m in self.models if m.origin == "report"]
-        near = [m for m in own if m.bic_difference is not None and m.bic_difference <= BIC_WINDOW]
+        near = [
+            m
+            for m in own
+            if m.determined and m.bic_difference is not None and m.bic_difference <= BIC_WINDOW
+        ]
         return max(near, key=lambda m: (m.n_parameters, -(m.bic_difference or 0.0)), default=own[0])
 
 
@@ -142,7 +153,21 @@ def _model(file: Path, entry: dict[str, Any]) -> ShadingModel:
     count = entry.get("n_parameters")
     if not isinstance(count, int):
         raise SceneError(f"{file}: the report lacks the number of parameters; fit anew")
-    return ShadingModel(fitted, count, entry.get("bic_difference"), diagnostics.get("log10_rms"))
+    return ShadingModel(
+        fitted,
+        count,
+        entry.get("bic_difference"),
+        diagnostics.get("log10_rms"),
+        determined=all(e.get("status") != "undetermined" for e in entry.get("estimates") or ()),
+    )
+
+
+def _exists(name: str) -> None:
+    """Refuse a name that no candidate has."""
+    try:
+        candidate(name)
+    except LobefitError as error:
+        raise SceneError(f"/models: {error}") from error
 
 
 def _phong(samples: Measurement, like: Fitted, device: str | None) -> ShadingModel:

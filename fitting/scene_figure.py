@@ -14,7 +14,7 @@ from lobefit.fitting.scene import Decision, Shown
 from lobefit.fitting.scene_answer import Combination
 from lobefit.fitting.scene_colour import MEASURES, encoded
 from lobefit.fitting.scene_file import Tolerance
-from lobefit.fitting.scene_texts import seconds_text
+from lobefit.fitting.scene_texts import next_one, seconds_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ def draw_decision(decision: Decision) -> Figure:
         for title, c, s in (
             ("chosen", decision.answer.chosen, decision.chosen),
             (
-                "next cheaper" if decision.chosen else "nearest",
+                next_one(decision.answer),
                 decision.answer.cheaper,
                 decision.cheaper,
             ),
@@ -149,7 +149,7 @@ def _costs(ax: Axes, decision: Decision) -> None:
         ax.errorbar(x, y, xerr=[0.0 * x, slow], fmt="none", ecolor=LIGHT, elinewidth=1.0, zorder=1)
         ax.scatter(x, y, 18, marker=mark, color=GREY, label=NAMES[shading], zorder=2)
     found = decision.answer
-    names = ("chosen", "next cheaper" if found.chosen else "nearest")
+    names = ("chosen", next_one(found))
     for c, name, face in zip((found.chosen, found.cheaper), names, (ACCENT, "none"), strict=True):
         if c is not None:
             at, mark = (1e3 * c.cost.fastest, _height(c, tolerance)), MARKS[c.shading]

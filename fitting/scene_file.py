@@ -206,7 +206,7 @@ def _beside(node: Node, folder: Path, ending: str) -> Path:
     if path.suffix.lower() != ending:
         node.fail(f"a file whose name ends in {ending} is expected")
     if not path.is_file():
-        node.fail("there is no such file beside the scene")
+        node.fail(f"there is no such file beside the scene: {name}")
     return path
 
 

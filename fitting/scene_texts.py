@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # that module loads this one when it is asked for words
     from lobefit.fitting.scene_answer import Answer, Combination
     from lobefit.fitting.scene_file import Tolerance
 
-__all__ = ["SCHEMA", "document", "seconds_text", "sentence", "table"]
+__all__ = ["SCHEMA", "document", "next_one", "seconds_text", "sentence", "table"]
 
 SCHEMA = "lobefit.decision/1"
 SHADINGS = {"flat": "flat shading", "gouraud": "Gouraud shading", "phong": "Phong shading"}
@@ -76,11 +76,19 @@ def sentence(decision: Decision) -> str:
     else:
         b = answer.cheaper
         text += (
-            f"; the next cheaper, {_named(b)}{where(b)} ({seconds_text(b.cost.fastest)}, "
+            f"; the {next_one(answer)}, {_named(b)}{where(b)} ({seconds_text(b.cost.fastest)}, "
             f"{b.cost.points} points), is {_times(b.excess(tolerance))} times over the tolerance "
             f"({_measured(b, measure)})"
         )
     return f"{text}{_richer(answer, where)}."
+
+
+def next_one(answer: Answer) -> str:
+    """Call the next cheaper combination so, or simpler where it costs the same or a bit more."""
+    chosen, other = answer.chosen, answer.cheaper
+    if chosen is None or other is None:
+        return "nearest"
+    return "next cheaper" if other.cost.fastest < chosen.cost.fastest else "next simpler"
 
 
 def _richer(answer: Answer, where: Callable[[Combination], str]) -> str:

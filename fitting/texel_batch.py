@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lobefit import __version__
 from lobefit.fitting.engine import Ledger, Progress, Row, Runner, Work, open_crew, run
 from lobefit.fitting.texel_exr import REMEDY
-from lobefit.fitting.texel_files import TexelFolder, load_texels
+from lobefit.fitting.texel_files import TexelFolder, check_picture, load_texels
 from lobefit.fitting.texel_noise import texel_noise
 from lobefit.fitting.texel_result import TexelFit
 from lobefit.fitting.texel_source import CHUNK, TexelSource, open_texels
@@ -29,6 +29,7 @@ __all__ = ["TexelBatch", "fit_texel_file"]
 
 LEDGER = "texels.sqlite"
 UNPACKED = "readings"
+ARRAY = "an array directions of shape (4, N), in radians"
 # Seconds of a chunk, its fewest texels, and the most bytes of readings in memory and on a wire.
 SECONDS, FEWEST = 3.0, 2048
 READ_BYTES, SENT_BYTES = 64 << 20, 8 << 20
@@ -127,6 +128,7 @@ def fit_texel_file(
     retry: bool = False,
     device: str | None = None,
     patience: float = 120.0,
+    image: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> TexelBatch:
     """Fit the texels of a file as `lobefit.fitting.fit_texels` would, on many processes.
@@ -162,6 +164,8 @@ def fit_texel_file(
         Whether texels that no chunk came back with are tried again.
     patience : float
         Seconds to wait for workers when there is none.
+    image : tuple of int, optional
+        Height and width of the picture that the texels are, where the file does not say.
     progress : callable, optional
         Called with a `lobefit.fitting.engine.Status`.
 
@@ -181,13 +185,15 @@ def fit_texel_file(
         raise MeasurementError(
             "holds no directions",
             file=path.name,
-            expected=f"an array directions of shape (4, N) or, in OpenEXR, {REMEDY}",
+            expected=f"{REMEDY if opened.image else ARRAY}, or directions of your own: --directions",
         )
     angles = direction_angles(given)
     check_shapes(angles, opened.shape)
     texel_noise(noise)
-    image = opened.image
     total, samples, channels = opened.shape
+    image = image or opened.image
+    if image is not None:
+        check_picture(total, *image)
     named = models if isinstance(models, str) else tuple(models)
     eligible(models, channels, options)
     opener = OpenTexels(

@@ -32,7 +32,15 @@ from lobefit.fitting.exr import exr_header, write_exr
 from lobefit.fitting.texel_result import Reason, Status, TexelFit
 from lobefit.kernels import LobefitError, MeasurementError
 
-__all__ = ["SCHEMA", "TexelFolder", "load_texels", "save_chunks", "save_exr", "save_npz"]
+__all__ = [
+    "SCHEMA",
+    "TexelFolder",
+    "check_picture",
+    "load_texels",
+    "save_chunks",
+    "save_exr",
+    "save_npz",
+]
 
 SCHEMA = "lobefit.texels/1"
 PLAIN = ("model", "rmse", "scatter", "bic", "status", "reason")
@@ -271,6 +279,18 @@ def _channel_names(channels: int) -> tuple[str, ...]:
     return ("Y",) if channels == 1 else tuple(f"c{k + 1}" for k in range(channels))
 
 
+def check_picture(texels: int, height: int, width: int) -> None:
+    """Refuse a height and width that are not of so many texels.
+
+    Raises
+    ------
+    LobefitError
+        Another number of texels.
+    """
+    if height * width != texels or height < 1:
+        raise LobefitError(f"{texels} texels are no picture of {height} x {width}")
+
+
 def save_exr(fit: TexelFit, path: str | os.PathLike[str], height: int, width: int) -> None:
     """Write maps of all parameters, their errors, the model and the status.
 
@@ -288,8 +308,7 @@ def save_exr(fit: TexelFit, path: str | os.PathLike[str], height: int, width: in
     LobefitError
         Another number of texels, or the file cannot be written.
     """
-    if height * width != len(fit) or height < 1:
-        raise LobefitError(f"{len(fit)} texels are no picture of {height} x {width}")
+    check_picture(len(fit), height, width)
     names = _channel_names(fit.channels)
     planes: dict[str, NDArray[Any]] = {}
 

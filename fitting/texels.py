@@ -241,7 +241,7 @@ def direction_angles(
     Raises
     ------
     MeasurementError
-        Not four rows of finite numbers of one length.
+        Not four rows of finite numbers of one length, or zenith angles beyond pi.
     """
     if isinstance(directions, Measurement):
         rows: Any = [getattr(directions, name) for name in DIRECTION_COLUMNS]
@@ -267,6 +267,10 @@ def direction_angles(
             if np.isfinite(angles).all()
             else "a direction is not finite",
             expected=f"four rows, {', '.join(DIRECTION_COLUMNS)}, in radians",
+        )
+    if angles[::2].min() < 0.0 or angles[::2].max() > np.pi:
+        raise MeasurementError(
+            "theta_i and theta_o are zenith angles in radians, 0 to pi; convert degrees"
         )
     return angles
 

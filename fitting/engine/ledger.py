@@ -127,9 +127,15 @@ class Ledger:
         stored = dict(self._db.execute("SELECT name, value FROM about"))
         for name, value in about.items():
             if stored.setdefault(name, value) != value:
+                # A digest says nothing to a reader.
+                other = (
+                    "its input or settings were others"
+                    if name == "key"
+                    else f"{name}: {stored[name]}, now {value}"
+                )
                 raise EngineError(
-                    f"{self.path.parent} holds other work ({name}: {stored[name]}, now {value}); "
-                    "choose another folder, or remove this one"
+                    f"{self.path.parent} holds other work ({other}); choose another folder, or "
+                    "remove this one"
                 )
             self._db.execute("INSERT OR IGNORE INTO about VALUES (?, ?)", (name, value))
 

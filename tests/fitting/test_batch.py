@@ -14,6 +14,7 @@ import pytest
 from benchmarks.batch_same import files_of
 from lobefit.fitting import fit, fit_many, read_measurement, simulate, write_measurement
 from lobefit.fitting.batch import Batch
+from lobefit.fitting.batch_figure import draw_batch
 from lobefit.fitting.engine import Ledger, Status
 from lobefit.fitting.texel_batch import fit_texel_file
 from lobefit.fitting.texel_result import Reason
@@ -76,6 +77,26 @@ def test_the_table_says_who_was_fitted_by_what(here: Batch) -> None:
         values = {row["name"]: float(row["value"]) for row in csv.DictReader(stream)}
     assert values == pytest.approx({"red": 0.2, "green": 0.3, "blue": 0.4}, rel=0.02)
     assert (here.folder / "summary.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_tells_failures_from_what_was_cancelled() -> None:
+    fitted = {"status": "fitted", "model": "lambert", "log10_rms": 0.01, "seconds": 1.0}
+    failed = {"status": "failed", "model": None, "reason": "no rows"}
+    ended = {"status": "cancelled", "model": None, "reason": "cancelled before its end"}
+
+    def words(*kinds: dict[str, Any]) -> list[str]:
+        rows = [{"name": f"item {k}", **kind} for k, kind in enumerate(kinds)]
+        figure = draw_batch(rows)
+        names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+        return [figure.get_suptitle(), *names, *(t.get_text() for t in figure.axes[1].texts)]
+
+    few = words(fitted, failed, ended)
+    assert few[0].startswith("3 items: 1 fitted") and few[0].endswith("1 failed, 1 cancelled")
+    assert few[1:4] == ["item 0", "item 1", "item 2"]
+    assert few[4:] == ["failed: no rows", "cancelled before its end"]
+    many = words(*[ended] * 400, failed)
+    assert many[1:] == ["item 400", "failed: no rows"]
+    assert len(words(*[failed] * 400)) == 1  # no room for any
 
 
 def test_the_table_is_parquet_too(here: Batch) -> None:
@@ -163,8 +184,10 @@ def test_a_bad_manifest_is_refused_before_anything_is_fitted(
 
 
 def test_inputs_that_are_not_there_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(MeasurementError, match="no such file"):
+    with pytest.raises(MeasurementError, match="matches no file"):
         fit_many(tmp_path / "*.csv", tmp_path / "out")
+    with pytest.raises(MeasurementError, match="no such file"):
+        fit_many(tmp_path / "none.csv", tmp_path / "out")
     with pytest.raises(MeasurementError, match="is a folder"):
         fit_many(tmp_path, tmp_path / "out")
     with pytest.raises(MeasurementError, match="nothing to fit"):
@@ -199,7 +222,7 @@ def test_texels_are_the_same_bytes_however_they_are_cut(
     # Settled already: nothing is fitted, nothing is written.
     again = fit_texel_file(place / "texels.npz", tmp_path / "two", ["lambert"], jobs=2)
     assert texel_files(again.folder) == texel_files(one.folder)
-    with pytest.raises(LobefitError, match="holds other work"):
+    with pytest.raises(LobefitError, match=r"holds other work \(its input or settings"):
         fit_texel_file(place / "texels.npz", tmp_path / "two", ["oren_nayar"], jobs=2)
 
 

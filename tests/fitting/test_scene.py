@@ -206,6 +206,7 @@ def test_other_channels_take_relative_radiance_and_phong_is_fitted(tmp_path: Pat
     ("changes", "said"),
     [
         ({"models": ["ward"]}, "/models: no result is called 'ward'; the report has "),
+        ({"models": ["lambrt"]}, "/models: no model is called 'lambrt'; did you mean 'lambert'?"),
         ({"ambient": [1, 2]}, "/ambient: 2 numbers, but the data have 3 channels"),
         ({"view": {"target": [0, -9, 0], "eye": [0, -4, 0]}}, "/view: it does not show the object"),
         ({"object": {"shape": "sphere", "transform": [{"scale": 0}]}}, "its determinant is not 0"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ import pytest
 from lobefit.fitting import simulate
 from lobefit.fitting.export.fitted import Fitted
 from lobefit.fitting.scene_answer import Combination, answer_for
-from lobefit.fitting.scene_candidates import ShadingModel
+from lobefit.fitting.scene_candidates import Fits, ShadingModel
 from lobefit.fitting.scene_colour import Errors, Yardstick, encoded, exposure_factor
 from lobefit.fitting.scene_cost import Cost, counted_work, take_turns
 from lobefit.fitting.scene_data import Interpolation, half_difference
 from lobefit.fitting.scene_file import Exposure, Tolerance
+from lobefit.fitting.scene_texts import next_one
 from lobefit.kernels import evaluate
 from lobefit.kernels.errors import SceneError
 from lobefit.kernels.surface import Shading
@@ -138,6 +140,28 @@ def test_the_simplest_of_the_same_cost_is_enough_however_times_jitter() -> None:
     nothing = answer_for([poor, combination(3, "flat", 1.0, 4.0)], within)
     assert nothing.chosen is None and nothing.cheaper is poor
     assert answer_for([simple], within).cheaper is None
+
+
+def test_what_is_not_cheaper_is_not_called_so() -> None:
+    within = Tolerance("relative", 1.0, 1.0)
+    enough, poor = combination(3, "flat", 1.0, 0.9), combination(2, "flat", 1.1, 2.0)
+    assert next_one(answer_for([enough, poor], within)) == "next simpler"
+    poor = combination(2, "flat", 0.9, 2.0)
+    assert next_one(answer_for([poor, enough], within)) == "next cheaper"
+    assert next_one(answer_for([poor], within)) == "nearest"
+
+
+def test_the_reference_is_no_fit_with_a_parameter_that_nothing_tells() -> None:
+    fitted = Fitted("m", "m", {}, {}, ("R",), "", "")
+    plain, vague = (
+        ShadingModel(fitted, 4, 0.0, None),
+        ShadingModel(fitted, 6, 2.0, None, determined=False),
+    )
+    richer = ShadingModel(fitted, 5, 3.0, None)
+    assert Fits(Path("r"), (plain, vague), True, ("R",), None).reference is plain
+    assert Fits(Path("r"), (plain, vague, richer), True, ("R",), None).reference is richer
+    # Where nothing else is there, it is what the report recommends.
+    assert Fits(Path("r"), (vague,), True, ("R",), None).reference is vague
 
 
 def test_work_is_counted() -> None:
