@@ -17,14 +17,14 @@ from lobefit.service.edge import Edge, Seen
 from lobefit.service.handlers import add_handlers
 from lobefit.service.observe import Metrics, logged
 from lobefit.service.openapi import DESCRIPTION, openapi_document
-from lobefit.service.routes import artefacts, fits, measurements, models, pages, system
+from lobefit.service.routes import batches, charts, fits, measurements, models, pages, system
 from lobefit.service.settings import Settings
 from lobefit.service.state import Shared
 from lobefit.service.store import Store
 
 __all__ = ["create_app", "from_environment"]
 
-_ROUTES = (measurements, fits, artefacts, models, system, pages)
+_ROUTES = (measurements, fits, batches, charts, models, system, pages)
 
 
 def create_app(settings: Settings, store: Store | None = None) -> FastAPI:

@@ -31,6 +31,19 @@ __all__ = ["batch", "texels"]
 # Seconds between lines of progress where nobody watches, as in a cluster's log.
 LINE_EVERY = 30.0
 SOME_FAILED = 3
+# What the flags of texels mean, where their names alone do not say it.
+TOLD = {
+    "on_bound": "a parameter on a bound",
+    "polished": "finished by NLopt",
+    "gaps": "some readings missing",
+    "unconverged": "minimum not reached",
+    "failed: too_few": "no result, too few readings",
+    "failed: constant": "no result, all readings the same",
+    "failed: huge": "no result, readings too large",
+    "failed: dark": "no result, no reading above zero",
+    "failed: not_finite": "no result, every model ended in no number",
+    "failed: crashed": "no result, the fit crashed",
+}
 
 Jobs = Annotated[
     int | None, typer.Option(help="Processes on this machine; by default as many as cores.")
@@ -97,7 +110,10 @@ def batch(
 def texels(
     source: Annotated[
         Path,
-        typer.Argument(help="Readings of shape (texels, directions, channels): .npy, .npz, Zarr."),
+        typer.Argument(
+            help="Readings of shape (texels, directions, channels): .npy, .npz, Zarr; or .exr with a "
+            "part for each pair of directions, or a folder of such files."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the maps, one .npy for each.")],
     models: Annotated[str, typer.Option(help="quick, or candidates such as ggx:k_s=1.")] = "quick",
@@ -114,7 +130,7 @@ def texels(
     ] = "relative",
     option: Choices = None,
     image: Annotated[
-        str | None, typer.Option(help="HEIGHTxWIDTH: write maps.exr too, of so many texels.")
+        str | None, typer.Option(help="HEIGHTxWIDTH: write maps.exr too, as is done for .exr.")
     ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
@@ -135,7 +151,6 @@ def texels(
     """
     from lobefit.fitting.texel_batch import fit_texel_file
 
-    size = None if image is None else _size(image)
     with _resumable(out), _watching("texels") as progress:
         found = fit_texel_file(
             source,
@@ -151,15 +166,19 @@ def texels(
             retry=retry,
             device=device,
             patience=patience,
+            image=None if image is None else _size(image),
             progress=progress,
         )
         fit = found.fit
-        if size is not None:
-            fit.save_exr(out / "maps.exr", *size)
-    typer.echo(f"{len(fit)} texels in {out}, {found.chunks} chunks")
-    for name, count in fit.counts.items():
-        if count:
-            typer.echo(f"  {name}: {count}")
+        if found.image is not None:
+            fit.save_exr(out / "maps.exr", *found.image)
+    maps = "*.npy" if found.image is None else "*.npy and maps.exr"
+    lost = len(fit.failures)
+    typer.echo(f"{len(fit) - lost} of {len(fit)} texels fitted; see {maps} in {out}")
+    counts = fit.counts
+    for name, count in counts.items():
+        if count and name != "failed":
+            typer.echo(f"  {TOLD.get(name, name)}: {count}")
     _list_failed({f"texel {texel}": reason for texel, reason in found.failed.items()})
 
 

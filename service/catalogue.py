@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from itertools import islice
 from typing import Any
 
-from lobefit.service.problems import Problem, pointer
+from lobefit.service.problems import MOST_ERRORS, Problem, pointer
 
 __all__ = ["check_models"]
 
@@ -16,7 +17,7 @@ Items = Sequence[Mapping[str, Any]]
 def check_models(
     items: Items,
     names: Iterable[tuple[str, Sequence[str | int]]],
-    options: Mapping[str, str],
+    options: Iterable[tuple[Mapping[str, str], Sequence[str | int]]],
 ) -> None:
     """Refuse models, variants and options that do not exist.
 
@@ -26,8 +27,8 @@ def check_models(
         The catalogue: name, variants (with the model's name in front), options and their choices.
     names : iterable of (str, path)
         Candidates such as ``ggx``, ``ggx:k_s=1`` or ``ggx+phong``, each with its place in the body.
-    options : mapping of str to str
-        Choices of the models.
+    options : iterable of (mapping of str to str, path)
+        Choices of the models, each with its place in the body.
 
     Raises
     ------
@@ -35,27 +36,42 @@ def check_models(
         "unknown-model" or "invalid-request", with pointers.
     """
     known = {item["name"]: item for item in items}
-    errors = [
-        {"pointer": pointer(place), "detail": detail}
-        for name, place in names
-        if (detail := _unknown(name, known))
-    ]
-    if errors:
-        raise Problem("unknown-model", errors[0]["detail"], errors=errors)
+    _refuse(
+        "unknown-model",
+        ((place, detail) for name, place in names if (detail := _unknown(name, known))),
+    )
     choices: dict[str, set[str]] = {}
     for item in items:
         for option, allowed in item.get("options", {}).items():
             choices.setdefault(option, set()).update(allowed)
-    for option, choice in options.items():
-        if option not in choices:
-            detail = f"no model has the option {option!r}; there are {_listed(choices)}"
-        elif choice not in choices[option]:
-            detail = f"{option} is one of {_listed(choices[option])}, not {choice!r}"
-        else:
-            continue
-        errors.append({"pointer": pointer(("options", option)), "detail": detail})
+    _refuse(
+        "invalid-request",
+        (
+            ((*place, option), detail)
+            for given, place in options
+            for option, choice in given.items()
+            if (detail := _impossible(option, choice, choices))
+        ),
+    )
+
+
+def _refuse(slug: str, found: Iterable[tuple[Sequence[str | int], str]]) -> None:
+    """Raise a problem where anything is found; what comes after many errors is not looked at."""
+    errors = [
+        {"pointer": pointer(place), "detail": detail}
+        for place, detail in islice(found, MOST_ERRORS)
+    ]
     if errors:
-        raise Problem("invalid-request", errors[0]["detail"], errors=errors)
+        raise Problem(slug, errors[0]["detail"], errors=errors)
+
+
+def _impossible(option: str, choice: str, choices: Mapping[str, set[str]]) -> str:
+    """Say what is wrong with a choice; nothing where there is such a one."""
+    if option not in choices:
+        return f"no model has the option {option!r}; there are {_listed(choices)}"
+    if choice not in choices[option]:
+        return f"{option} is one of {_listed(choices[option])}, not {choice!r}"
+    return ""
 
 
 def _unknown(name: str, known: Mapping[str, Mapping[str, Any]]) -> str:

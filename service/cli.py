@@ -127,7 +127,11 @@ def fit(
     ] = None,
     radiance: Annotated[
         bool,
-        typer.Option("--radiance", help="The signal goes with f cos(theta_i), not cos(theta_o)."),
+        typer.Option(
+            "--radiance",
+            help="With --tilt, --veil or --aperture: the signal goes with f cos(theta_i), not "
+            "f cos(theta_o).",
+        ),
     ] = False,
     posterior: Annotated[
         bool, typer.Option("--posterior", help="Sample the posterior of the best model too.")
@@ -135,7 +139,9 @@ def fit(
     seed: Annotated[int, typer.Option(help="With --posterior: its seed.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for report.json, fit.png, lobes.exr and samples.csv."),
+        typer.Option(
+            help="Folder for report.json, fit.png, lobes.exr, albedo.exr and samples.csv."
+        ),
     ] = None,
     as_json: AsJson = False,
     device: Device = None,
@@ -153,7 +159,7 @@ def fit(
     measurement = measured(file, max_theta)
     digest = _sha256(file)
     instrument = None
-    if tilt or veil or gain is not None or aperture is not None:
+    if tilt or veil or radiance or gain is not None or aperture is not None:
         instrument = Instrument(
             tilt=tilt,
             veil=veil,

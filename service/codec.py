@@ -79,6 +79,7 @@ def job_row(row: sqlite3.Row) -> JobRow:
         measurement=row["measurement"],
         owner=row["owner"],
         cancelling=bool(row["cancelling"]) and row["state"] == "running",
+        batch=row["batch"],
     )
 
 

@@ -12,14 +12,12 @@ from typing import Any
 
 from lobefit.service.rows import StoreError, StoreFull
 
-__all__ = ["SCHEMA_VERSION", "Database", "boot_id", "monotonic", "store_error"]
-
-SCHEMA_VERSION = 1
+__all__ = ["LAYOUTS", "Database", "boot_id", "monotonic", "store_error"]
 
 # Seconds that a writer waits for another's transaction; each takes milliseconds.
 BUSY = 20.0
 
-SCHEMA = """
+FIRST = """
 CREATE TABLE measurements (
     seq INTEGER PRIMARY KEY AUTOINCREMENT,
     id TEXT NOT NULL UNIQUE,          -- SHA-256 of the content
@@ -90,6 +88,32 @@ CREATE TABLE processes (
 ) WITHOUT ROWID;
 CREATE TABLE probe (id INTEGER PRIMARY KEY CHECK (id = 1), at REAL NOT NULL);
 """
+BATCHES = """
+CREATE TABLE batches (
+    seq INTEGER PRIMARY KEY AUTOINCREMENT,
+    id TEXT NOT NULL UNIQUE,
+    name TEXT,
+    owner TEXT NOT NULL,
+    created REAL NOT NULL,
+    cancelled INTEGER NOT NULL DEFAULT 0
+);
+ALTER TABLE jobs ADD COLUMN batch TEXT REFERENCES batches (id) ON DELETE CASCADE;
+CREATE INDEX jobs_batch ON jobs (batch, state, started, ended) WHERE batch IS NOT NULL;
+DROP INDEX keys_job;
+ALTER TABLE keys RENAME TO keys_of_jobs;
+CREATE TABLE keys (
+    owner TEXT NOT NULL,
+    key TEXT NOT NULL,
+    made TEXT NOT NULL,               -- the job or the batch
+    digest TEXT NOT NULL,             -- of the request
+    PRIMARY KEY (owner, key)
+) WITHOUT ROWID;
+INSERT INTO keys SELECT owner, key, job, digest FROM keys_of_jobs;
+DROP TABLE keys_of_jobs;
+CREATE INDEX keys_made ON keys (made);
+"""
+LAYOUTS = (FIRST, BATCHES)
+"""What makes each layout of the one before; a database says how many of them it has behind it."""
 
 
 def monotonic() -> float:
@@ -127,7 +151,8 @@ class Database:
     Parameters
     ----------
     path : Path
-        The file; made, with its tables, where it does not exist.
+        The file; made, with its tables, where it does not exist, and brought to the layout of
+        today where it has an earlier one.
     durable : bool
         True: a committed write outlives a power cut. False (for heartbeats, which are
         worth nothing afterwards): it outlives the process, and no order is lost.
@@ -156,25 +181,24 @@ class Database:
 
     def _prepare(self, writer: sqlite3.Connection) -> None:
         (found,) = writer.execute("PRAGMA user_version").fetchone()
-        if found == 0:
+        if found < len(LAYOUTS):
             writer.execute("BEGIN EXCLUSIVE")
             try:
                 # Another process may have been quicker.
                 (found,) = writer.execute("PRAGMA user_version").fetchone()
-                if found == 0:
-                    for statement in SCHEMA.split(";\n"):
-                        if statement.strip():
-                            writer.execute(statement)
-                    writer.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-                    found = SCHEMA_VERSION
+                for layout in LAYOUTS[found:]:
+                    for statement in filter(str.strip, layout.split(";\n")):
+                        writer.execute(statement)
+                found = max(found, len(LAYOUTS))
+                writer.execute(f"PRAGMA user_version = {found}")
                 writer.execute("COMMIT")
             except BaseException:
                 _rollback(writer)
                 raise
-        if found != SCHEMA_VERSION:
+        if found != len(LAYOUTS):
             raise StoreError(
                 f"{self.path} has the layout {found}; this version of Lobefit reads "
-                f"{SCHEMA_VERSION}: give another --data-dir"
+                f"{len(LAYOUTS)}: give another --data-dir"
             )
 
     @contextmanager

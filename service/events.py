@@ -1,4 +1,4 @@
-"""What happens to a fit, as server-sent events: resumable, with comments while nothing happens."""
+"""What happens to a job, as server-sent events: resumable, with comments while nothing happens."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import AsyncIterator
 
-from lobefit.service.resources import fit_resource
+from lobefit.service.answers import job_resource
 from lobefit.service.rows import ENDED, EventRow, NotFound
 from lobefit.service.state import Shared
 
@@ -16,21 +16,21 @@ __all__ = ["event_stream"]
 def _line(shared: Shared, id: str, event: EventRow) -> bytes:
     data = event.data
     if event.type == "state":
-        # The fit as it stands now, in the state that the event tells of.
-        data = fit_resource(shared.store, shared.store.job(id)) | data
+        # The resource as it stands now, in the state that the event tells of.
+        data = job_resource(shared.store, shared.store.job(id)) | data
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     return f"id: {event.seq}\nevent: {event.type}\ndata: {text}\n\n".encode()
 
 
 async def event_stream(shared: Shared, id: str, after: int) -> AsyncIterator[bytes]:
-    """Give the events of a fit until it has ended.
+    """Give the events of a fit or a chart until it has ended.
 
     Parameters
     ----------
     shared : Shared
         With the store.
     id : str
-        Of the fit.
+        Of the job.
     after : int
         Number of the last event that the reader has seen, 0 for all.
     """

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import Response
 from starlette.routing import Match
 
-from lobefit.service.problems import Problem, pointer
+from lobefit.service.problems import MOST_ERRORS, Problem, pointer
 from lobefit.service.rows import InUse, KeyConflict, NotFound, QueueFull, StoreError, StoreFull
 
 __all__ = ["add_handlers"]
@@ -24,7 +24,6 @@ _STORE: Sequence[tuple[type[StoreError], str]] = (
     (StoreFull, "storage-full"),
 )
 _PLACES = {"query": "parameter", "path": "parameter", "header": "header"}
-_MOST_ERRORS = 20
 
 
 def add_handlers(app: FastAPI) -> None:
@@ -50,7 +49,7 @@ async def _store_error(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    errors = [_place(e, error.body) for e in error.errors()[:_MOST_ERRORS]]
+    errors = [_place(e, error.body) for e in error.errors()[:MOST_ERRORS]]
     named = next(iter(errors[0].values()))
     raise Problem("invalid-request", f"{named}: {errors[0]['detail']}", errors=errors)
 

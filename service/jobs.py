@@ -17,7 +17,8 @@ from pathlib import Path
 from lobefit.service.claim import Claim, end, lease_end, state_data
 from lobefit.service.codec import add_event, first, from_json, job_row, to_text
 from lobefit.service.database import Database, boot_id, monotonic
-from lobefit.service.rows import ENDED, FIT
+from lobefit.service.ledger import IN_QUEUE
+from lobefit.service.rows import ENDED
 from lobefit.service.store import Store
 from lobefit.service.wake import wake_all
 
@@ -152,8 +153,9 @@ class Queue:
         """Remove quick jobs whose answers have been kept long enough; give how many."""
         ended = ", ".join(f"'{state}'" for state in ENDED)
         rows = self.store.database.read(
-            f"SELECT id FROM jobs WHERE kind <> ? AND state IN ({ended}) AND ended < ? LIMIT 500",
-            (FIT, time.time() - self.store.limits.answers),
+            f"SELECT id FROM jobs WHERE NOT {IN_QUEUE} AND state IN ({ended}) AND ended < ? "
+            "LIMIT 500",
+            (time.time() - self.store.limits.answers,),
         )
         for row in rows:
             self.store.delete_job(row["id"])

@@ -12,7 +12,8 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from lobefit.service.edge import Seen
-from lobefit.service.store import Store, StoreError
+from lobefit.service.rows import StoreError
+from lobefit.service.store import Store
 
 __all__ = ["Metrics", "logged"]
 

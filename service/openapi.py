@@ -11,8 +11,9 @@ __all__ = ["DESCRIPTION", "openapi_document"]
 
 DESCRIPTION = (
     "Fit reflectance models (BRDFs) to measurements: upload a CSV, get ranked models, their "
-    "uncertainty and pictures. Times are RFC 3339 in UTC, angles degrees, BRDF values 1/sr. "
-    "Every error is a problem document of RFC 9457."
+    "uncertainty and pictures. Many fits sent in together are a batch; a chart measures what each "
+    "choice of how to fit costs and how far off it is. Times are RFC 3339 in UTC, angles degrees, "
+    "BRDF values 1/sr. Every error is a problem document of RFC 9457."
 )
 
 _PLACE = {

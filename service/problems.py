@@ -14,9 +14,11 @@ from typing import Any
 from starlette.responses import Response
 from starlette.types import Scope
 
-__all__ = ["MEDIA_TYPE", "PROBLEMS", "Problem", "pointer", "problem_response"]
+__all__ = ["MEDIA_TYPE", "MOST_ERRORS", "PROBLEMS", "Problem", "pointer", "problem_response"]
 
 MEDIA_TYPE = "application/problem+json"
+MOST_ERRORS = 20
+"""Places of a body that one problem names at most."""
 
 PROBLEMS: Mapping[str, tuple[int, str]] = {
     "malformed-json": (400, "The body is not valid JSON"),

@@ -1,19 +1,20 @@
-"""What the service answers: resources, and how rows of the store become them."""
+"""What the service answers: the shapes of its resources."""
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from lobefit.service.problems import Problem
-from lobefit.service.rows import ArtefactRow, JobRow, MeasurementRow
-from lobefit.service.schemas import FitRequest
-from lobefit.service.store import Store
+from lobefit.service.rows import State
+from lobefit.service.schemas import ChartRequest, FitRequest
 
 __all__ = [
     "Artefact",
+    "Batch",
+    "BatchPage",
+    "Chart",
+    "ChartPage",
     "Curves",
     "Fit",
     "FitPage",
@@ -27,12 +28,14 @@ __all__ = [
     "Sphere",
     "Table",
     "Values",
-    "artefact_resource",
-    "fit_resource",
-    "measurement_resource",
 ]
 
-State = Literal["queued", "running", "done", "failed", "cancelled"]
+T = TypeVar("T")
+
+
+class _Page(BaseModel, Generic[T]):
+    items: list[T]
+    next: str | None = Field(description="Cursor of the next page; null on the last one.")
 
 
 class Measurement(BaseModel):
@@ -49,15 +52,12 @@ class Measurement(BaseModel):
     warnings: list[str]
 
 
-class MeasurementPage(BaseModel):
+class MeasurementPage(_Page[Measurement]):
     """Measurements, the newest first."""
-
-    items: list[Measurement]
-    next: str | None = Field(description="Cursor of the next page.")
 
 
 class Progress(BaseModel):
-    """What a running fit does."""
+    """What a running fit or chart does."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -74,7 +74,7 @@ class Progress(BaseModel):
 
 
 class Artefact(BaseModel):
-    """A file that a fit made."""
+    """A file that a fit or a chart made."""
 
     name: str
     bytes: int
@@ -83,13 +83,9 @@ class Artefact(BaseModel):
     href: str
 
 
-class Fit(BaseModel):
-    """A fit; `result` and `posterior` are in the answer about one fit only."""
-
+class _Job(BaseModel):
     id: str
     name: str | None
-    measurement: str
-    request: FitRequest
     state: State
     created: str
     started: str | None
@@ -98,19 +94,69 @@ class Fit(BaseModel):
     position: int | None = Field(description="Place in the queue, from 1.")
     progress: Progress | None
     problem: dict[str, Any] | None = Field(description="Why it failed.")
+    artefacts: list[Artefact]
+
+
+class Fit(_Job):
+    """A fit; `result` and `posterior` are in the answer about one fit only."""
+
+    measurement: str
+    request: FitRequest
+    batch: str | None = Field(description="The batch that it came with.")
     best: str | None = Field(description="The simplest model that is good enough.")
     verdict: str | None
     converged: bool | None = Field(description="Of the posterior.")
-    artefacts: list[Artefact]
     result: dict[str, Any] | None = Field(None, description="The document report.json.")
     posterior: dict[str, Any] | None = Field(None, description="The document posterior.json.")
 
 
-class FitPage(BaseModel):
+class FitPage(_Page[Fit]):
     """Fits, the newest first."""
 
-    items: list[Fit]
-    next: str | None = Field(description="Cursor of the next page.")
+
+class Chart(_Job):
+    """A chart of speed against accuracy; `result` is in the answer about one chart only."""
+
+    measurement: str | None = Field(description="Null where a truth was simulated.")
+    request: ChartRequest
+    answer: str | None = Field(description="Which fit keeps within the tolerance, and its price.")
+    finding: str | None = Field(description="What the choices of how to fit come to.")
+    result: dict[str, Any] | None = Field(None, description="The document chart.json.")
+
+
+class ChartPage(_Page[Chart]):
+    """Charts, the newest first."""
+
+
+class Counts(BaseModel):
+    """How many fits are in each state; deleted ones count nowhere."""
+
+    queued: int
+    running: int
+    done: int
+    failed: int
+    cancelled: int
+
+
+class Batch(BaseModel):
+    """Fits that were sent in together."""
+
+    id: str
+    name: str | None
+    created: str
+    ended: str | None = Field(description="When the last fit ended, once all have.")
+    state: Literal["queued", "running", "done", "cancelled"] = Field(
+        description='"done" or "cancelled" once every fit has ended, however it did.'
+    )
+    total: int
+    counts: Counts
+    seconds_left: float | None = Field(
+        description="As it went so far; null before the first fit has ended."
+    )
+
+
+class BatchPage(_Page[Batch]):
+    """Batches, the newest first."""
 
 
 class ModelItem(BaseModel):
@@ -183,58 +229,3 @@ class Ready(BaseModel):
     store: str = Field(description='"ok", or what is wrong.')
     free_bytes: int
     workers: int = Field(description="Worker processes that were heard of lately.")
-
-
-def _time(seconds: float | None) -> str | None:
-    if seconds is None:
-        return None
-    moment = datetime.fromtimestamp(seconds, UTC)
-    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def measurement_resource(row: MeasurementRow) -> dict[str, Any]:
-    """Give the members of a `Measurement`."""
-    kept = row.summary
-    return {
-        "id": row.id,
-        "name": row.name,
-        "bytes": row.bytes,
-        "created": _time(row.created),
-        "summary": kept.get("summary", {}),
-        "checks": kept.get("checks"),
-        "warnings": kept.get("warnings", []),
-    }
-
-
-def artefact_resource(fit: str, row: ArtefactRow) -> dict[str, Any]:
-    """Give the members of an `Artefact`."""
-    return {
-        "name": row.name,
-        "bytes": row.bytes,
-        "media_type": row.media_type,
-        "sha256": row.sha256,
-        "href": f"/v1/fits/{fit}/artefacts/{row.name}",
-    }
-
-
-def fit_resource(store: Store, row: JobRow) -> dict[str, Any]:
-    """Give the members of a `Fit` but for `result` and `posterior`."""
-    said = row.result or {}
-    return {
-        "id": row.id,
-        "name": row.request.get("name"),
-        "measurement": row.measurement or row.request.get("measurement"),
-        "request": row.request,
-        "state": row.state,
-        "created": _time(row.created),
-        "started": _time(row.started),
-        "ended": _time(row.ended),
-        "attempts": row.attempts,
-        "position": store.position(row.id) if row.state == "queued" else None,
-        "progress": row.progress,
-        "problem": None if row.problem is None else Problem.stored(row.problem).document(),
-        "best": said.get("best"),
-        "verdict": said.get("verdict"),
-        "converged": said.get("converged"),
-        "artefacts": [artefact_resource(row.id, a) for a in store.artefacts(row.id)],
-    }

@@ -8,9 +8,13 @@ from typing import Any, Literal
 from lobefit.kernels.errors import LobefitError
 
 __all__ = [
+    "CHART",
     "ENDED",
     "FIT",
+    "MEBIBYTE",
+    "WAITING",
     "ArtefactRow",
+    "BatchRow",
     "EventRow",
     "InUse",
     "JobRow",
@@ -28,8 +32,9 @@ __all__ = [
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED: tuple[State, ...] = ("done", "failed", "cancelled")
-FIT = "fit"
-"""The kind that waits in the queue; all other kinds are quick and wait for nobody's fit."""
+FIT, CHART = "fit", "chart"
+WAITING = (FIT, CHART)
+"""The kinds that wait in the queue; all other kinds are quick and wait for nobody's fit."""
 
 MEBIBYTE = 1 << 20
 
@@ -69,9 +74,9 @@ class Limits:
     Attributes
     ----------
     queue : int
-        Fits that may wait, of everybody.
+        Fits and charts that may wait, of everybody.
     queue_per_owner : int
-        Fits that one owner may have waiting.
+        Fits and charts that one owner may have waiting.
     quick : int
         Quick jobs that may wait.
     attempts : int
@@ -91,8 +96,8 @@ class Limits:
         end; None takes 2 % of it, 2 MiB at least and 64 MiB at most.
     """
 
-    queue: int = 1000
-    queue_per_owner: int = 500
+    queue: int = 2000
+    queue_per_owner: int = 1000
     quick: int = 1000
     attempts: int = 3
     lease: float = 10.0
@@ -125,9 +130,11 @@ class JobRow:
     problem : dict or None
         Why it failed: slug, title, detail and, for a file, its place.
     result : dict or None
-        The answer of a quick job, or best, verdict and converged of a fit.
+        The answer of a quick job, or what a fit or a chart says in a few words.
     cancelling : bool
         It was told to stop and has not stopped yet.
+    batch : str or None
+        Which batch it belongs to.
     """
 
     id: str
@@ -144,6 +151,30 @@ class JobRow:
     measurement: str | None
     owner: str
     cancelling: bool
+    batch: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchRow:
+    """Fits that were sent in together; times in seconds since the epoch.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        How many of its fits are in each state; deleted ones count nowhere.
+    cancelled : bool
+        It was told to stop.
+    started, ended : float or None
+        When the first of its fits began, and when the last one ended once all have.
+    """
+
+    id: str
+    name: str | None
+    created: float
+    cancelled: bool
+    counts: dict[State, int]
+    started: float | None
+    ended: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

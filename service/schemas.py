@@ -18,17 +18,24 @@ from pydantic import (
 )
 
 __all__ = [
+    "MOST_ITEMS",
+    "BatchItem",
+    "BatchRequest",
+    "ChartRequest",
     "Directions",
     "EvaluateRequest",
     "FitRequest",
+    "FitSettings",
     "Grid",
     "PosteriorRequest",
     "SimulateRequest",
+    "Truth",
 ]
 
 MOST_DIRECTIONS = 100_000
 MOST_MODELS = 64
 MOST_CHANNELS = 512
+MOST_ITEMS = 1000
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=120, pattern=r"^[\x21-\x7e]+$")]
 # No control characters, which break logs and headers.
@@ -62,6 +69,10 @@ Models = Annotated[
     Discriminator(_is_list),
 ]
 Params = Annotated[dict[Name, Value], Field(max_length=64)]
+Metric = Literal["auto", "chi2", "relative", "log", "cube_root", "cosine_log"]
+Tolerance = Annotated[Real, Field(gt=0, lt=1)]
+MaxTheta = Annotated[Real, Field(gt=0, le=90)]
+Group = Literal["fit", "evaluation", "albedo", "posterior"]
 
 
 class _Body(BaseModel):
@@ -87,7 +98,28 @@ class PosteriorRequest(_Body):
     floor: Real | None = Field(None, description="Readings at or below it, in 1/sr, lie beyond it.")
 
 
-class FitRequest(_Body):
+class FitSettings(_Body):
+    """How to fit."""
+
+    models: Models = Field("standard", description="A set of candidates, or their names.")
+    metric: Metric = Field("auto", description="How residuals are weighed.")
+    options: Options = Field(
+        default_factory=dict, description='Choices of the models, as {"fresnel": "f82"}.'
+    )
+    tolerance: Tolerance | None = Field(
+        None, description="Relative error of radiance that does not matter."
+    )
+    max_theta_deg: MaxTheta | None = Field(
+        None, description="Rows with theta_i or theta_o above it are left out."
+    )
+    posterior: PosteriorRequest | None = Field(
+        None, description="How to sample the posterior; it is not sampled where left out."
+    )
+    seed: Seed = Field(0, description="Of the posterior.")
+    name: Label | None = Field(None, description="What people call it.")
+
+
+class FitRequest(FitSettings):
     """What to fit, and how."""
 
     model_config = ConfigDict(
@@ -106,20 +138,50 @@ class FitRequest(_Body):
     )
 
     measurement: Digest = Field(description="Id of an uploaded measurement.")
-    models: Models = Field("standard", description="A set of candidates, or their names.")
-    metric: Literal["auto", "chi2", "relative", "log", "cube_root", "cosine_log"] = "auto"
-    options: Options = Field(
-        default_factory=dict, description='Choices of the models, as {"fresnel": "f82"}.'
+
+
+class BatchItem(FitRequest):
+    """A fit of a batch; what it leaves out is taken from the batch."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"measurement": "0" * 64}]})
+
+
+class BatchRequest(FitSettings):
+    """Measurements to fit, and how; its members are the defaults of all items."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "name": "copper, three samples",
+                    "models": ["ggx", "ggx+ggx"],
+                    "items": [
+                        {"measurement": "0" * 64, "name": "polished"},
+                        {"measurement": "0" * 64, "name": "brushed", "models": "all"},
+                    ],
+                }
+            ]
+        }
     )
-    tolerance: Annotated[Real, Field(gt=0, lt=1)] | None = Field(
-        None, description="Relative error of radiance that does not matter."
-    )
-    max_theta_deg: Annotated[Real, Field(gt=0, le=90)] | None = Field(
-        None, description="Rows with theta_i or theta_o above it are left out."
-    )
-    posterior: PosteriorRequest | None = None
-    seed: Seed = 0
-    name: Label | None = None
+
+    name: Label | None = Field(None, description="What people call the batch.")
+    items: Annotated[
+        list[BatchItem], Field(min_length=1, max_length=MOST_ITEMS, fail_fast=True)
+    ] = Field(description="Each a measurement, with any member that differs for it.")
+
+    def requests(self) -> list[FitRequest]:
+        """Give the fit of each item, completed by what the batch says."""
+        usual = {name: getattr(self, name) for name in FitSettings.model_fields if name != "name"}
+        return [
+            FitRequest.model_construct(
+                **{
+                    **usual,
+                    "name": None,
+                    **{name: getattr(item, name) for name in item.model_fields_set},
+                }
+            )
+            for item in self.items
+        ]
 
 
 class Directions(_Body):
@@ -194,7 +256,22 @@ class EvaluateRequest(_Body):
         return self
 
 
-class SimulateRequest(_Body):
+class Truth(_Body):
+    """A model surface, and how an instrument would measure it."""
+
+    model: Name
+    params: Params = Field(default_factory=dict)
+    options: Options = Field(default_factory=dict)
+    geometry: Annotated[
+        str, StringConstraints(min_length=1, max_length=400, pattern=r"^[\x20-\x7e]+$")
+    ] = Field("in-plane", description='Where it is measured, as "in-plane incidences=0,30 step=5".')
+    noise: tuple[Annotated[Real, Field(ge=0, le=10)], Annotated[Real, Field(ge=0, le=1e6)]] = Field(
+        (0.02, 0.001), description="Relative, and additive in 1/sr."
+    )
+    seed: Seed = Field(0, description="Of the noise.")
+
+
+class SimulateRequest(Truth):
     """The measurement that an instrument would give of a model surface."""
 
     model_config = ConfigDict(
@@ -211,16 +288,50 @@ class SimulateRequest(_Body):
         }
     )
 
-    model: Name
-    params: Params = Field(default_factory=dict)
-    options: Options = Field(default_factory=dict)
-    geometry: Annotated[
-        str, StringConstraints(min_length=1, max_length=400, pattern=r"^[\x20-\x7e]+$")
-    ] = "in-plane"
-    noise: tuple[Annotated[Real, Field(ge=0, le=10)], Annotated[Real, Field(ge=0, le=1e6)]] = Field(
-        (0.02, 0.001), description="Relative, and additive in 1/sr."
-    )
-    seed: Seed = 0
     sigma: Annotated[bool, Field(strict=True)] = Field(
         False, description="State the uncertainty in sigma_ columns."
     )
+
+
+class ChartRequest(_Body):
+    """What to measure speed against accuracy on: a measurement, or a known truth."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"measurement": "0" * 64, "groups": ["fit"], "models": "standard"},
+                {
+                    "truth": {"model": "ggx", "params": {"k_d": 0.1, "alpha": 0.3}},
+                    "groups": ["fit", "evaluation"],
+                    "repeats": 3,
+                },
+            ]
+        }
+    )
+
+    measurement: Digest | None = Field(
+        None,
+        description="Id of an uploaded measurement: every second part of it is held back, and the "
+        "error of a fit to the others is how far it is off there. Either this or `truth`.",
+    )
+    truth: Truth | None = Field(
+        None,
+        description="A surface that is simulated: the error is how far a fit to the noisy "
+        "readings is off the truth. Either this or `measurement`.",
+    )
+    models: Models = Field("all", description="A set of candidates, or their names.")
+    metric: Metric = Field("auto", description="The usual one; others are among the choices.")
+    tolerance: Tolerance = Field(0.02, description="Relative error of a prediction that would do.")
+    groups: Annotated[list[Group], Field(min_length=1, max_length=4)] = Field(
+        ["fit", "evaluation", "albedo", "posterior"],
+        description="Which choices to measure; how to fit is always among them.",
+    )
+    repeats: Annotated[int, Field(ge=1, le=50, strict=True)] = Field(
+        5, description="Timed runs of each choice."
+    )
+    seed: Seed = Field(0, description="Of the posteriors.")
+    max_theta_deg: MaxTheta | None = Field(
+        None,
+        description="Rows with theta_i or theta_o above it are left out; of a measurement only.",
+    )
+    name: Label | None = Field(None, description="What people call it.")

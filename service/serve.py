@@ -12,15 +12,15 @@ from typing import Annotated
 import typer
 
 from lobefit.kernels.errors import LobefitError
-from lobefit.service.rows import Limits
+from lobefit.service.rows import MEBIBYTE, Limits
 from lobefit.service.settings import VARIABLE, Settings, is_loopback
 from lobefit.service.tokens import add_token, given_tokens, read_tokens, remove_token
 
 __all__ = ["serve", "settings_for", "token"]
 
-MIB = 1 << 20
 _TOKEN = "LOBEFIT_TOKEN"
 _LOCAL = ("localhost", "127.0.0.1", "::1")
+_USUAL = Settings(Path())
 
 
 def _default_folder() -> Path:
@@ -41,8 +41,8 @@ DataDir = Annotated[
 def serve(
     host: Annotated[
         str, typer.Option(help="Address to listen on; any but loopback needs a token.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8000,
+    ] = _USUAL.host,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = _USUAL.port,
     data_dir: DataDir = None,
     workers: Annotated[
         int, typer.Option(min=1, max=64, help="Processes that fit, side by side.")
@@ -56,10 +56,16 @@ def serve(
     ] = None,
     upload_mib: Annotated[
         int, typer.Option(min=1, help="Largest measurement, after decompression.")
-    ] = 64,
-    queue: Annotated[int, typer.Option(min=1, help="Most fits that wait.")] = 1000,
-    fit_seconds: Annotated[float, typer.Option(min=1, help="Most time for one fit.")] = 3600.0,
-    worker_mib: Annotated[int, typer.Option(min=256, help="Most memory of one worker.")] = 4096,
+    ] = _USUAL.upload_bytes // MEBIBYTE,
+    queue: Annotated[
+        int, typer.Option(min=1, help="Most fits and charts that wait.")
+    ] = _USUAL.limits.queue,
+    fit_seconds: Annotated[
+        float, typer.Option(min=1, help="Most time for one fit or chart.")
+    ] = _USUAL.limits.wall,
+    worker_mib: Annotated[int, typer.Option(min=256, help="Most memory of one worker.")] = (
+        _USUAL.limits.memory // MEBIBYTE
+    ),
 ) -> None:
     """Serve the HTTP interface and the page, until SIGTERM or Ctrl-C."""
     from lobefit.service.supervisor import supervise
@@ -68,10 +74,10 @@ def serve(
     settings = settings_for(
         Settings(
             data_dir=data_dir or _default_folder(),
-            limits=Limits(queue=queue, wall=fit_seconds, memory=worker_mib * MIB),
+            limits=Limits(queue=queue, wall=fit_seconds, memory=worker_mib * MEBIBYTE),
             host=host.strip("[]"),
             port=port,
-            upload_bytes=upload_mib * MIB,
+            upload_bytes=upload_mib * MEBIBYTE,
         ),
         texts,
     )
@@ -115,7 +121,9 @@ def settings_for(settings: Settings, tokens: list[str]) -> Settings:
             f"{settings.host} can be reached by others, so a token is needed: make one with "
             "`lobefit token NAME`, or give --token or LOBEFIT_TOKEN"
         )
-    return replace(settings, hosts=tuple({*_LOCAL, settings.host}))
+    # All are one owner, who may have the whole queue.
+    limits = replace(settings.limits, queue_per_owner=settings.limits.queue)
+    return replace(settings, limits=limits, hosts=tuple({*_LOCAL, settings.host}))
 
 
 def _free_port(host: str, port: int) -> int:

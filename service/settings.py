@@ -13,14 +13,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
-from lobefit.service.rows import Limits
+from lobefit.service.rows import MEBIBYTE, Limits
 
 __all__ = ["VARIABLE", "Settings", "is_loopback"]
 
 VARIABLE = "LOBEFIT_SERVER"
 """Name of the environment variable with the settings of a server process."""
-
-MIB = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +62,8 @@ class Settings:
     port: int = 8000
     hosts: tuple[str, ...] = ()
     tokens: Mapping[str, str] = field(default_factory=dict)
-    upload_bytes: int = 64 * MIB
-    json_bytes: int = MIB
+    upload_bytes: int = 64 * MEBIBYTE
+    json_bytes: int = MEBIBYTE
     json_depth: int = 64
     uploads: int = 32
     body_seconds: float = 30.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,14 @@ class Shelf:
             raise NotFound("there is no such measurement")
         return measurement_row(row)
 
+    def missing(self, ids: Collection[str]) -> set[str]:
+        """Say which of many measurements there are not."""
+        rows = self.database.read(
+            "SELECT value FROM json_each(?) WHERE value NOT IN (SELECT id FROM measurements)",
+            (to_text(sorted(ids)),),
+        )
+        return {row["value"] for row in rows}
+
     def measurements(
         self, limit: int, cursor: str | None = None
     ) -> tuple[list[MeasurementRow], str | None]:
@@ -112,7 +121,7 @@ class Shelf:
             if write.execute(
                 "SELECT 1 FROM jobs WHERE measurement = ? AND state IN ('queued', 'running')", (id,)
             ).fetchone():
-                raise InUse("a fit of this measurement waits or runs; cancel it first")
+                raise InUse("a fit or a chart of this measurement waits or runs; cancel it first")
             if not write.execute("DELETE FROM measurements WHERE id = ?", (id,)).rowcount:
                 raise NotFound("there is no such measurement")
         with self.database.write() as write:

@@ -11,47 +11,15 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from lobefit.service.batches import Batches
 from lobefit.service.codec import to_text
 from lobefit.service.database import boot_id, monotonic
-from lobefit.service.files import Upload
-from lobefit.service.ledger import Ledger
-from lobefit.service.rows import (
-    ENDED,
-    ArtefactRow,
-    EventRow,
-    InUse,
-    JobRow,
-    KeyConflict,
-    LeaseLost,
-    Limits,
-    MeasurementRow,
-    NotFound,
-    ProcessRow,
-    QueueFull,
-    StoreError,
-    StoreFull,
-)
+from lobefit.service.rows import ENDED, ArtefactRow, JobRow, NotFound, ProcessRow
 
-__all__ = [
-    "ArtefactRow",
-    "EventRow",
-    "InUse",
-    "JobRow",
-    "KeyConflict",
-    "LeaseLost",
-    "Limits",
-    "MeasurementRow",
-    "NotFound",
-    "ProcessRow",
-    "QueueFull",
-    "Store",
-    "StoreError",
-    "StoreFull",
-    "Upload",
-]
+__all__ = ["Store"]
 
 
-class Store(Ledger):
+class Store(Batches):
     """The data folder.
 
     Parameters

@@ -21,7 +21,7 @@ from pathlib import Path
 from lobefit.service.database import store_error
 from lobefit.service.jobs import Queue
 from lobefit.service.limits_option import limits_arguments
-from lobefit.service.rows import FIT, Limits, StoreError
+from lobefit.service.rows import WAITING, Limits, StoreError
 from lobefit.service.store import Store
 
 __all__ = ["Supervisor", "supervise"]
@@ -68,7 +68,7 @@ class Supervisor:
     server : sequence of str or None
         Command of the server process; None for workers alone.
     workers : int
-        How many do fits; one more process does everything quick.
+        How many do fits and charts; one more process does everything quick.
     limits : Limits
         Handed to the workers.
     environment : mapping of str to str, optional
@@ -98,7 +98,7 @@ class Supervisor:
         self.store.sweep()
         self.queue.bury_strangers()
         self.stopping = False
-        kinds = ["quick", *([FIT] * workers)]
+        kinds = ["quick", *([",".join(WAITING)] * workers)]
         names = ["desk", *(f"fit-{k + 1}" for k in range(workers))]
         cores = len(os.sched_getaffinity(0))
         threads = {"POCL_MAX_PTHREAD_COUNT": str(max(1, cores // max(1, workers)))}

@@ -11,8 +11,8 @@ import asyncio
 import zlib
 from collections.abc import AsyncIterator, Iterator
 
+from lobefit.service.files import Upload
 from lobefit.service.problems import Problem
-from lobefit.service.store import Upload
 
 __all__ = ["Unpacked", "receive", "shown_name"]
 

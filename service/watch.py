@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 
+from lobefit.service.rows import StoreError
 from lobefit.service.store import Store
 
 __all__ = ["Watch"]
@@ -70,7 +71,11 @@ class Watch:
     async def _poll(self, version: int) -> None:
         while self._waiting:
             await asyncio.sleep(self._interval)
-            now = self.version()
+            try:
+                now = self.version()
+            except StoreError:
+                self.wake()  # who waits reads the store next and tells what is wrong with it
+                return
             if now == version:
                 continue
             version = now

@@ -25,7 +25,7 @@ from lobefit.service import work
 from lobefit.service.claim import Claim
 from lobefit.service.jobs import Queue, identity
 from lobefit.service.limits_option import add_limits, limits_of
-from lobefit.service.rows import LeaseLost, StoreError
+from lobefit.service.rows import WAITING, LeaseLost, StoreError
 from lobefit.service.store import Store
 from lobefit.service.task import Outcome, Task, Work, problem_of
 from lobefit.service.wake import Sleeper
@@ -76,6 +76,7 @@ class Worker:
     ) -> None:
         self.store, self.kinds = store, kinds
         self.queue = Queue(store, identity(name), kinds)
+        self._fits = not {*WAITING}.isdisjoint(kinds)
         self.stopping = False
         self._work_of, self._warm = work_of, device
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="job")
@@ -251,7 +252,7 @@ class Worker:
 
     def _tidy(self) -> None:
         now = time.monotonic()
-        if "fit" not in self.kinds and now - self._tidied > TIDY:
+        if not self._fits and now - self._tidied > TIDY:
             self._tidied = now
             with suppress(StoreError):
                 self.queue.tidy()

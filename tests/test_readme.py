@@ -41,7 +41,7 @@ def test_python_blocks_run(
     if "Client" in block:
         assert "ggx:k_s=1" in capsys.readouterr().out
         made = {p.name for p in (checkout / "glossy_plastic").iterdir()}
-        assert {"report.json", "fit.png", "lobes.exr", "samples.csv"} <= made
+        assert {"report.json", "fit.png", "lobes.exr", "albedo.exr", "samples.csv"} <= made
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,13 +12,14 @@ from typing import Any
 from lobefit.kernels.errors import LobefitError, ModelError
 from lobefit.service.client.errors import ServiceError
 from lobefit.service.client.retries import Retries, exchange
-from lobefit.service.client.wire import Operation, Reply, Request
+from lobefit.service.client.wire import Operation, Reply, Request, Work
 
-__all__ = ["STATUS_SILENCE", "Operations", "json_body", "writing"]
+__all__ = ["JSON", "STATUS_SILENCE", "Operations", "json_body", "write_whole", "writing"]
 
 STATUS_SILENCE = 30.0
 """Seconds without a byte, in answers that the service has at hand."""
 
+JSON = {"Content-Type": "application/json"}
 PAGE = 200
 
 
@@ -80,3 +82,25 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise LobefitError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def write_whole(path: Path, content: bytes) -> Operation[Path]:
+    """Write a file, whole or not at all.
+
+    Raises
+    ------
+    LobefitError
+        It cannot be written.
+    """
+
+    def write() -> None:
+        part = path.with_name(f".{path.name}.{uuid.uuid4().hex}.part")
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    with writing(path):
+        yield Work(write)
+    return path

@@ -16,7 +16,7 @@ from lobefit.kernels.errors import MeasurementError
 if TYPE_CHECKING:
     from lobefit.fitting import Measurement
 
-__all__ = ["FileBody", "Source", "body_of", "media_type"]
+__all__ = ["FileBody", "Source", "body_of", "media_type", "name_of"]
 
 Source: TypeAlias = "str | os.PathLike[str] | bytes | IO[bytes] | IO[str] | Measurement"
 """A path, the bytes of a file, an open file, or a measurement."""
@@ -44,8 +44,8 @@ class FileBody(httpx2.SyncByteStream, httpx2.AsyncByteStream):
                 yield chunk
 
 
-def body_of(source: Source) -> tuple[bytes | Path, str | None]:
-    """Give what is to be sent, and the name of the file.
+def body_of(source: Source) -> bytes | Path:
+    """Give what is to be sent.
 
     Raises
     ------
@@ -53,25 +53,35 @@ def body_of(source: Source) -> tuple[bytes | Path, str | None]:
         There is no such file, or it cannot be read.
     """
     if isinstance(source, bytes):
-        return source, None
+        return source
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         if not path.is_file():
             raise MeasurementError("there is no such file", file=str(path))
         if not os.access(path, os.R_OK):
             raise MeasurementError("the file cannot be read; see its permissions", file=str(path))
-        return path, path.name
+        return path
     if hasattr(source, "read"):
         content = source.read()
-        name = getattr(source, "name", None)
-        known = Path(name).name if isinstance(name, str) else None
-        return content.encode() if isinstance(content, str) else content, known
+        return content.encode() if isinstance(content, str) else content
     from lobefit.fitting.writers import write_measurement  # needs numpy, as its argument does
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "measurement.csv")
         write_measurement(source, path)
-        return path.read_bytes(), source.source or None
+        return path.read_bytes()
+
+
+def name_of(source: Source) -> str | None:
+    """Give the name of a file, or of what a measurement was read from."""
+    if isinstance(source, bytes):
+        return None
+    if isinstance(source, str | os.PathLike):
+        return Path(source).name
+    if hasattr(source, "read"):
+        name = getattr(source, "name", None)
+        return Path(name).name if isinstance(name, str) else None
+    return source.source or None
 
 
 def media_type(body: bytes | Path, name: str | None) -> str:

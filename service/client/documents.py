@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from lobefit.service.client.errors import ServiceError
 
-__all__ = ["moment", "plain", "quoted", "record"]
+__all__ = ["id_of", "moment", "plain", "quoted", "record"]
 
 T = TypeVar("T")
 
@@ -56,3 +56,9 @@ def quoted(part: str) -> str:
     """Quote an id or a name as one step of a path."""
     # Dots need no quotes, but two of them are no name.
     return quote(part, safe="").replace(".", "%2E") if set(part) <= {"."} else quote(part, safe="")
+
+
+def id_of(what: Any) -> str:
+    """Give the id of something that the service keeps, or the id itself."""
+    found: str = what if isinstance(what, str) else what.id
+    return found

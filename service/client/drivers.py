@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import ipaddress
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import anyio
 import anyio.to_thread
 import httpx2
 
 from lobefit import __version__
+from lobefit.service.client.batches import Batches
 from lobefit.service.client.bodies import FileBody
+from lobefit.service.client.charts import Charts
 from lobefit.service.client.errors import ServiceError
 from lobefit.service.client.evaluations import Evaluations
 from lobefit.service.client.files import Files
 from lobefit.service.client.fits import Fits
+from lobefit.service.client.operation import Course
 from lobefit.service.client.retries import Retries
 from lobefit.service.client.wire import (
     Close,
@@ -33,6 +35,7 @@ from lobefit.service.client.wire import (
     Sleep,
     Stream,
     Take,
+    Together,
     Work,
 )
 
@@ -41,10 +44,14 @@ __all__ = ["DEFAULT_URL", "AsyncClient", "Client"]
 DEFAULT_URL = "http://127.0.0.1:8000"
 """Where ``lobefit serve`` listens if nothing else is said."""
 
+AT_ONCE = 4
+"""Operations that go on at once; half of the uploads that the service takes."""
+
 T = TypeVar("T")
+Transport = TypeVar("Transport", bound=httpx2.BaseTransport | httpx2.AsyncBaseTransport)
 
 
-class _Operations(Fits, Files, Evaluations):
+class _Operations(Fits, Charts, Batches, Files, Evaluations, Generic[Transport]):
     """What both clients are made of.
 
     Parameters
@@ -67,7 +74,15 @@ class _Operations(Fits, Files, Evaluations):
         The address or the token cannot be one.
     """
 
-    def __init__(self, url: str, token: str | None, timeout: float, retries: int | Retries) -> None:
+    def __init__(
+        self,
+        url: str = DEFAULT_URL,
+        token: str | None = None,
+        *,
+        timeout: float = 150.0,
+        retries: int | Retries = 6,
+        transport: Transport | None = None,
+    ) -> None:
         try:
             parsed = httpx2.URL(url)
         except httpx2.InvalidURL as error:
@@ -84,7 +99,10 @@ class _Operations(Fits, Files, Evaluations):
         self._timeout = timeout
         self._retries = Retries(attempts=retries) if isinstance(retries, int) else retries
         # A proxy of the environment cannot reach what listens on this machine only.
-        self._proxies = not _is_loopback(parsed.host)
+        self._connect(transport, proxies=not _is_loopback(parsed.host))
+
+    def _connect(self, transport: Transport | None, *, proxies: bool) -> None:
+        raise NotImplementedError
 
     def __repr__(self) -> str:
         """Give the address, not the token."""
@@ -110,7 +128,7 @@ class _Operations(Fits, Files, Evaluations):
         )
 
 
-class Client(_Operations):
+class Client(_Operations[httpx2.BaseTransport]):
     """A client of ``lobefit serve``.
 
     It holds connections and nothing else, so it can be shared between threads.
@@ -118,28 +136,14 @@ class Client(_Operations):
 
     __doc__ += (_Operations.__doc__ or "").partition("\n")[2]
 
-    def __init__(
-        self,
-        url: str = DEFAULT_URL,
-        token: str | None = None,
-        *,
-        timeout: float = 150.0,
-        retries: int | Retries = 6,
-        transport: httpx2.BaseTransport | None = None,
-    ) -> None:
-        super().__init__(url, token, timeout, retries)
-        self._http = httpx2.Client(transport=transport, trust_env=self._proxies)
+    def _connect(self, transport: httpx2.BaseTransport | None, *, proxies: bool) -> None:
+        self._http = httpx2.Client(transport=transport, trust_env=proxies)
 
     def __enter__(self) -> Self:
         """Give the client itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close its connections."""
         self.close()
 
@@ -148,17 +152,13 @@ class Client(_Operations):
         self._http.close()
 
     def _run(self, operation: Operation[T]) -> T:
-        resume, value = operation.send, None
-        while True:
+        course = Course(operation)
+        for effect in course:
             try:
-                effect = resume(value)
-            except StopIteration as end:
-                result: T = end.value
-                return result
-            try:
-                resume, value = operation.send, self._perform(effect)
-            except BaseException as error:  # noqa: BLE001 - also Ctrl-C: the operation closes streams
-                resume, value = operation.throw, error
+                course.gave(self._perform(effect))
+            except BaseException as error:  # noqa: BLE001 - the operation is told of any
+                course.failed(error)
+        return course.result
 
     def _perform(self, effect: Effect) -> Any:
         match effect:
@@ -179,36 +179,24 @@ class Client(_Operations):
                 time.sleep(seconds)
             case Work(function):
                 return function()
+            case Together(operations):
+                return [self._run(one) for one in operations]
         return None
 
 
-class AsyncClient(_Operations):
+class AsyncClient(_Operations[httpx2.AsyncBaseTransport]):
     """A client of ``lobefit serve`` whose methods are awaited, under asyncio or trio."""
 
     __doc__ += "\n" + (_Operations.__doc__ or "").partition("\n")[2]
 
-    def __init__(
-        self,
-        url: str = DEFAULT_URL,
-        token: str | None = None,
-        *,
-        timeout: float = 150.0,
-        retries: int | Retries = 6,
-        transport: httpx2.AsyncBaseTransport | None = None,
-    ) -> None:
-        super().__init__(url, token, timeout, retries)
-        self._http = httpx2.AsyncClient(transport=transport, trust_env=self._proxies)
+    def _connect(self, transport: httpx2.AsyncBaseTransport | None, *, proxies: bool) -> None:
+        self._http = httpx2.AsyncClient(transport=transport, trust_env=proxies)
 
     async def __aenter__(self) -> Self:
         """Give the client itself."""
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *error: object) -> None:
         """Close its connections."""
         await self.aclose()
 
@@ -217,17 +205,13 @@ class AsyncClient(_Operations):
         await self._http.aclose()
 
     async def _run(self, operation: Operation[T]) -> T:
-        resume, value = operation.send, None
-        while True:
+        course = Course(operation)
+        for effect in course:
             try:
-                effect = resume(value)
-            except StopIteration as end:
-                result: T = end.value
-                return result
-            try:
-                resume, value = operation.send, await self._perform(effect)
-            except BaseException as error:  # noqa: BLE001 - also a cancelled task
-                resume, value = operation.throw, error
+                course.gave(await self._perform(effect))
+            except BaseException as error:  # noqa: BLE001 - the operation is told of any
+                course.failed(error)
+        return course.result
 
     async def _perform(self, effect: Effect) -> Any:
         match effect:
@@ -248,7 +232,29 @@ class AsyncClient(_Operations):
                 await anyio.sleep(seconds)
             case Work(function):
                 return await anyio.to_thread.run_sync(function)
+            case Together(operations):
+                return await self._gather(operations)
         return None
+
+    async def _gather(self, operations: Sequence[Operation[Any]]) -> list[Any]:
+        found: list[Any] = [None] * len(operations)
+        errors: list[Exception] = []
+        turn = anyio.Semaphore(AT_ONCE)
+
+        async def do(k: int) -> None:
+            async with turn:
+                try:
+                    found[k] = await self._run(operations[k])
+                except Exception as error:  # noqa: BLE001 - raised below, without a group around it
+                    errors.append(error)
+                    group.cancel_scope.cancel()
+
+        async with anyio.create_task_group() as group:
+            for k in range(len(operations)):
+                group.start_soon(do, k)
+        if errors:
+            raise errors[0]
+        return found
 
 
 @contextmanager

@@ -87,14 +87,16 @@ def error_of(problem: Mapping[str, Any], status: int | None = None) -> LobefitEr
     slug = _text(problem, "type", "").rpartition("/")[2] or _text(problem, "slug", "")
     title = _text(problem, "title", "") or None
     detail = _text(problem, "detail", "") or title or "the service gave no reason"
-    places = [
-        f"{place}: {entry['detail']}"
-        for entry in problem.get("errors") or ()
-        if isinstance(entry, Mapping) and isinstance(entry.get("detail"), str)
-        # Where it is about one place only, the service says it in detail already.
-        if entry["detail"] not in detail
-        if (place := entry.get("pointer") or entry.get("parameter") or entry.get("header"))
-    ]
+    places = []
+    for entry in problem.get("errors") or ():
+        if not isinstance(entry, Mapping) or not isinstance(entry.get("detail"), str):
+            continue
+        place = str(entry.get("pointer") or entry.get("parameter") or entry.get("header") or "")
+        if entry["detail"] not in detail:
+            places += [f"{place}: {entry['detail']}"] if place else []
+        elif place.startswith("/items/"):
+            # Said in detail already, but not of which of many.
+            places.append(f"see {place}")
     message = "; ".join([detail, *places])
     if slug == "invalid-measurement":
         row = problem.get("row")

@@ -7,18 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from lobefit.kernels.errors import ModelError
-from lobefit.service.client.base import STATUS_SILENCE, Operations, json_body, writing
+from lobefit.service.client.base import JSON, STATUS_SILENCE, Operations, json_body, write_whole
 from lobefit.service.client.documents import plain, quoted, record
 from lobefit.service.client.errors import ServiceError, refused_as
 from lobefit.service.client.model_records import ModelRecord, Values
 from lobefit.service.client.operation import operation
 from lobefit.service.client.resources import Readiness
 from lobefit.service.client.retries import exchange
-from lobefit.service.client.wire import Operation, Reply, Request, Work
+from lobefit.service.client.wire import Operation, Reply, Request
 
 __all__ = ["Evaluations"]
-
-JSON = {"Content-Type": "application/json"}
 
 
 class Evaluations(Operations):
@@ -87,9 +85,7 @@ class Evaluations(Operations):
         }
         most = max((len(a) for a in angles.values() if isinstance(a, list)), default=1)
         directions = {k: a if isinstance(a, list) else [a] * most for k, a in angles.items()}
-        asked = {"directions": directions, "format": "json", "precision": precision}
-        reply = yield from self._evaluate(model, params, options, asked)
-        return Values.read(reply.document())
+        return (yield from self._values(model, params, options, precision, directions=directions))
 
     @operation
     def evaluate_grid(
@@ -118,9 +114,7 @@ class Evaluations(Operations):
             Shape (C, len(theta_i_deg), len(theta_o_deg), len(phi_o_deg)), in 1/sr.
         """
         grid = _grid(theta_i_deg, theta_o_deg, phi_o_deg)
-        asked = {"grid": grid, "format": "json", "precision": precision}
-        reply = yield from self._evaluate(model, params, options, asked)
-        return Values.read(reply.document())
+        return (yield from self._values(model, params, options, precision, grid=grid))
 
     @operation
     def evaluate_exr(
@@ -136,11 +130,8 @@ class Evaluations(Operations):
     ) -> Operation[Path]:
         """Write a model on a grid as an OpenEXR picture; as `evaluate_grid`."""
         grid = _grid(theta_i_deg, theta_o_deg, phi_o_deg)
-        reply = yield from self._evaluate(model, params, options, {"grid": grid, "format": "exr"})
-        target = Path(path)
-        with writing(target):
-            yield Work(lambda: target.write_bytes(reply.content))
-        return target
+        reply = yield from self._evaluate(model, params, options, format="exr", grid=grid)
+        return (yield from write_whole(Path(path), reply.content))
 
     @operation
     def simulate(
@@ -205,12 +196,24 @@ class Evaluations(Operations):
         )
         return record(Readiness, reply.document())
 
+    def _values(
+        self,
+        model: str,
+        params: Mapping[str, Any],
+        options: Mapping[str, str] | None,
+        precision: str,
+        **where: Mapping[str, Any],
+    ) -> Operation[Values]:
+        asked = {"format": "json", "precision": precision, **where}
+        reply = yield from self._evaluate(model, params, options, **asked)
+        return Values.read(reply.document())
+
     def _evaluate(
         self,
         model: str,
         params: Mapping[str, Any],
         options: Mapping[str, str] | None,
-        asked: Mapping[str, Any],
+        **asked: Any,
     ) -> Operation[Reply]:
         document = {"model": model, "params": plain(params), "options": dict(options or {})}
         return self._compute("/v1/evaluate", {**document, **asked})

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lobefit.service.client.base import writing
 from lobefit.service.client.errors import ServiceError
-from lobefit.service.client.resources import Artefact
+from lobefit.service.client.job_records import Artefact
 from lobefit.service.client.retries import AGAIN, Retries, pause, refusal, retry_after
 from lobefit.service.client.wire import (
     Close,

@@ -1,4 +1,4 @@
-"""Operations on the files of a fit: download them, open the posterior."""
+"""Operations on the files of a fit or a chart: download them, open the posterior."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lobefit.service.client.base import Operations, writing
 from lobefit.service.client.documents import quoted
 from lobefit.service.client.errors import ServiceError
 from lobefit.service.client.fetching import fetch
+from lobefit.service.client.job_records import Fit, Job
 from lobefit.service.client.operation import operation
-from lobefit.service.client.resources import Artefact, Fit
 from lobefit.service.client.wire import Operation, Work
 
 __all__ = ["Files"]
@@ -23,20 +23,20 @@ POSTERIOR = "posterior.nc"
 
 
 class Files(Operations):
-    """What a client does with the files of a fit."""
+    """What a client does with the files of a job."""
 
     @operation
     def download(
-        self, fit: Fit | str, folder: str | Path, names: Iterable[str] | None = None
+        self, fit: Job | str, folder: str | Path, names: Iterable[str] | None = None
     ) -> Operation[dict[str, Path]]:
-        """Download files of a fit.
+        """Download files of a fit, or of a chart.
 
         A file is either whole and checked against its SHA-256, or not there; what is there already
         is not sent again, and a download that breaks off goes on where it stopped.
 
         Parameters
         ----------
-        fit : Fit or id
+        fit : Fit, Chart, or id of a fit
         folder : path-like
             Made if it does not exist.
         names : iterable of str, optional
@@ -50,13 +50,14 @@ class Files(Operations):
         Raises
         ------
         FitError
-            The fit has no file of such a name.
+            It has no file of such a name.
         LobefitError
             A file cannot be written.
         ServiceError
             The service cannot be reached, or sends something else than it promised.
         """
-        return self._download(fit, Path(folder), names)
+        kind = Fit if isinstance(fit, str) else type(fit)
+        return self._download(kind, fit, Path(folder), names)
 
     @operation
     def posterior(self, fit: Fit | str) -> Operation[Any]:
@@ -76,7 +77,7 @@ class Files(Operations):
         """
         arviz = yield Work(_arviz)
         with tempfile.TemporaryDirectory() as folder:
-            found = yield from self._download(fit, Path(folder), [POSTERIOR])
+            found = yield from self._download(Fit, fit, Path(folder), [POSTERIOR])
 
             def load() -> Any:
                 data = arviz.from_netcdf(str(found[POSTERIOR]))
@@ -88,16 +89,15 @@ class Files(Operations):
             return (yield Work(load))
 
     def _download(
-        self, fit: Fit | str, folder: Path, names: Iterable[str] | None
+        self, kind: type[Job], what: Job | str, folder: Path, names: Iterable[str] | None
     ) -> Operation[dict[str, Path]]:
-        id = fit if isinstance(fit, str) else fit.id
-        document = yield from self._get(f"/v1/fits/{quoted(id)}")
-        there = {a.name: a for a in Fit.read(document).artefacts}
+        job = kind.read((yield from self._get(kind.path_of(what))))
+        there = {a.name: a for a in job.artefacts}
         wanted = list(there) if names is None else list(names)
         for name in wanted:
             if name not in there:
                 raise FitError(
-                    f"fit {id} is {document.get('state')} and has no file {name!r}; "
+                    f"{kind.NOUN} {job.id} is {job.state} and has no file {name!r}; "
                     f"it has: {', '.join(there) or 'none'}"
                 )
             _check_name(name)
@@ -105,12 +105,9 @@ class Files(Operations):
             folder.mkdir(parents=True, exist_ok=True)
         found = {}
         for name in wanted:
-            found[name] = yield from self._fetch(id, there[name], folder / name)
+            path = f"{job.path}/artefacts/{quoted(name)}"
+            found[name] = yield from fetch(self._retries, path, there[name], folder / name)
         return found
-
-    def _fetch(self, id: str, artefact: Artefact, target: Path) -> Operation[Path]:
-        path = f"/v1/fits/{quoted(id)}/artefacts/{quoted(artefact.name)}"
-        return fetch(self._retries, path, artefact, target)
 
 
 def _check_name(name: str) -> None:

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lobefit.kernels.errors import FitError, LobefitError
-from lobefit.service.client.base import STATUS_SILENCE, json_body
+from lobefit.service.client.batch_record import Batch
 from lobefit.service.client.bodies import Source
-from lobefit.service.client.documents import plain, quoted
-from lobefit.service.client.errors import ServiceError, error_of, refused_as
-from lobefit.service.client.measurements import Measurements, is_measurement_id
+from lobefit.service.client.documents import id_of, plain
+from lobefit.service.client.job_records import Fit
+from lobefit.service.client.jobs import Jobs
+from lobefit.service.client.measurements import is_measurement_id
+from lobefit.service.client.ongoing import Ongoing
 from lobefit.service.client.operation import operation
-from lobefit.service.client.progress_line import showing
 from lobefit.service.client.report import Report
-from lobefit.service.client.resources import Fit, StoredMeasurement
-from lobefit.service.client.retries import AGAIN, pause, refusal
-from lobefit.service.client.watching import until_ended
-from lobefit.service.client.wire import Dropped, Operation, Reply, Request, Send
+from lobefit.service.client.resources import StoredMeasurement
+from lobefit.service.client.wire import Operation
 
-__all__ = ["Fits"]
+__all__ = ["Fits", "fit_members"]
 
-PATH = "/v1/fits"
 SETS = ("quick", "standard", "all")
 
 
-class Fits(Measurements):
+class Fits(Jobs):
     """What a client does with fits."""
 
     @operation
@@ -82,36 +79,21 @@ class Fits(Measurements):
         ServiceError
             The service cannot be reached, or its queue is full.
         """
-        if isinstance(measurement, str) and is_measurement_id(measurement):
-            id = measurement
-        else:
-            stored = yield from self._stored(measurement)
-            id = stored.id
-        single = isinstance(models, str) and models not in SETS
+        id, _ = yield from self._identified(measurement)
         document = {
             "measurement": id,
-            "models": [models] if single else plain(models),
-            "metric": metric,
-            "options": dict(options or {}),
-            "tolerance": tolerance,
-            "max_theta_deg": max_theta_deg,
-            "posterior": plain(posterior) if isinstance(posterior, Mapping) else None,
-            "seed": seed,
+            **fit_members(
+                models=models,
+                metric=metric,
+                options=options,
+                tolerance=tolerance,
+                max_theta_deg=max_theta_deg,
+                posterior=posterior,
+                seed=seed,
+            ),
             "name": name,
         }
-        if posterior is True:
-            document["posterior"] = {}
-        request = Request(
-            method="POST",
-            path=PATH,
-            # Made once: however often the request arrives, it is one fit.
-            headers={"Content-Type": "application/json", "Idempotency-Key": uuid.uuid4().hex},
-            body=json_body(document),
-        )
-        with refused_as(FitError):
-            reply = yield from self._exchange(request)
-        fit = Fit.read(reply.document())
-        return (yield from self._wait(fit, progress, None)) if wait else fit
+        return (yield from self._submit(Fit, document, wait, progress))
 
     @operation
     def fits(
@@ -120,6 +102,7 @@ class Fits(Measurements):
         *,
         measurement: StoredMeasurement | str | None = None,
         state: str | None = None,
+        batch: Batch | str | None = None,
     ) -> Operation[list[Fit]]:
         """List fits, the newest first; all where there is no limit.
 
@@ -131,18 +114,15 @@ class Fits(Measurements):
             Only fits of this one.
         state : str, optional
             Only those "queued", "running", "done", "failed" or "cancelled".
+        batch : Batch or id, optional
+            Only fits of this one.
         """
-        query = {} if state is None else {"state": state}
-        if measurement is not None:
-            query["measurement"] = measurement if isinstance(measurement, str) else measurement.id
-        found = yield from self._pages(PATH, query, limit)
-        return [Fit.read(item) for item in found]
+        return self._list(Fit, limit, measurement=measurement, state=state, batch=batch)
 
     @operation
     def status(self, fit: Fit | str) -> Operation[Fit]:
         """Look how far a fit is."""
-        document = yield from self._document(fit)
-        return Fit.read(document)
+        return self._status(Fit, fit)
 
     @operation
     def wait(
@@ -175,7 +155,7 @@ class Fits(Measurements):
         ServiceError
             It failed otherwise, the service cannot be reached, or the time is up.
         """
-        return self._wait(fit, progress, timeout)
+        return self._wait(Fit, fit, progress, timeout)
 
     @operation
     def result(self, fit: Fit | str) -> Operation[Report]:
@@ -186,7 +166,7 @@ class Fits(Measurements):
         FitError
             There is none: it has not ended, or failed.
         """
-        document = yield from self._document(fit)
+        document = yield from self._get(Fit.path_of(fit))
         if document.get("result") is None:
             raise _no_result(Fit.read(document))
         return Report.read(document["result"], document.get("posterior"))
@@ -202,83 +182,42 @@ class Fits(Measurements):
         Fit
             Ended.
         """
-        return self._cancel(_path(fit))
+        return self._cancel(Fit, fit)
 
     @operation
-    def delete(self, what: Fit | StoredMeasurement | str) -> Operation[None]:
-        """Delete a fit with its files, or a measurement; a fit is cancelled before.
+    def delete(self, what: Ongoing | StoredMeasurement | str) -> Operation[None]:
+        """Delete a fit, chart or batch with its files, cancelled before; or a measurement.
 
         Parameters
         ----------
-        what : Fit, StoredMeasurement or id
+        what : Fit, Chart, Batch, StoredMeasurement, or the id of a fit or a measurement
+            With a batch go its fits; the measurements stay.
 
         Raises
         ------
         ServiceError
-            There is none, or fits of the measurement are queued or running.
+            There is none, or fits or charts of the measurement are queued or running.
         """
-        if isinstance(what, StoredMeasurement):
-            yield from self._delete_measurement(what.id)
-        elif isinstance(what, str) and is_measurement_id(what):
-            yield from self._delete_measurement(what)
-        else:
-            path = _path(what)
-            yield from self._cancel(path)
-            yield from self._remove(path)
-
-    def _document(self, fit: Fit | str) -> Operation[dict[str, Any]]:
-        return self._get(_path(fit))
-
-    def _cancel(self, path: str) -> Operation[Fit]:
-        failures = 0
-        while True:
-            found = Fit.read((yield from self._get(path)))
-            if found.has_ended:
-                return found
-            trouble: LobefitError | Dropped
-            try:
-                # A request that is repeated blindly could delete what the first has cancelled.
-                reply: Reply = yield Send(
-                    Request(
-                        method="DELETE", path=path, query={"keep": "true"}, silence=STATUS_SILENCE
-                    )
-                )
-            except Dropped as error:
-                trouble = error
-            else:
-                if reply.status < 400:
-                    return (yield from until_ended(self._retries, path, lambda _: None, None))
-                trouble = refusal(reply)
-                if reply.status not in {*AGAIN, 409}:  # 409: it ended meanwhile
-                    raise trouble
-            failures += 1
-            yield from pause(self._retries, failures, trouble)
-
-    def _wait(
-        self, fit: Fit | str, progress: bool | Callable[[Fit], object], timeout: float | None
-    ) -> Operation[Fit]:
-        with showing(progress) as show:
-            ended = yield from until_ended(self._retries, _path(fit), show, timeout)
-        if ended.state == "failed":
-            raise _failure(ended)
-        return ended
+        if isinstance(what, StoredMeasurement) or (
+            isinstance(what, str) and is_measurement_id(what)
+        ):
+            return self._delete_measurement(id_of(what))
+        return self._delete(Fit if isinstance(what, str) else type(what), what)
 
 
-def _path(fit: Fit | str) -> str:
-    return f"{PATH}/{quoted(fit if isinstance(fit, str) else fit.id)}"
-
-
-def _failure(fit: Fit) -> LobefitError:
-    error = error_of(fit.problem or {"title": "the service does not say why the fit failed"})
-    if isinstance(error, ServiceError) and error.slug == "invalid-request":
-        error = FitError(error.message)
-    error.add_note(f"fit {fit.id} failed in the service")
-    return error
+def fit_members(**given: Any) -> dict[str, Any]:
+    """Give members of the request for a fit, of arguments of `Fits.fit`."""
+    members = {name: plain(value) for name, value in given.items()}
+    if "models" in members and isinstance(models := members["models"], str) and models not in SETS:
+        members["models"] = [models]
+    if "options" in members:
+        members["options"] = members["options"] or {}
+    if isinstance(posterior := members.get("posterior"), bool):
+        members["posterior"] = {} if posterior else None
+    return members
 
 
 def _no_result(fit: Fit) -> LobefitError:
-    if fit.state == "failed":
-        return _failure(fit)
     if fit.has_ended:
-        return FitError(f"fit {fit.id} was cancelled before it had a result")
+        return fit.failure() or FitError(f"fit {fit.id} was cancelled before it had a result")
     return FitError(f"fit {fit.id} is {fit.state}; wait(fit) returns when it has a result")

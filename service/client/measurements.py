@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from lobefit.service.client.base import Operations
-from lobefit.service.client.bodies import Source, body_of, media_type
-from lobefit.service.client.documents import quoted
+from lobefit.service.client.bodies import Source, body_of, media_type, name_of
+from lobefit.service.client.documents import id_of, quoted
 from lobefit.service.client.operation import operation
 from lobefit.service.client.resources import Checks, StoredMeasurement
 from lobefit.service.client.wire import Operation, Request, Work
@@ -46,7 +47,7 @@ class Measurements(Operations):
     @operation
     def measurement(self, measurement: StoredMeasurement | str) -> Operation[StoredMeasurement]:
         """Look at a measurement that is stored, by its id."""
-        return self._measurement(_id(measurement))
+        return self._measurement(id_of(measurement))
 
     @operation
     def measurements(self, limit: int | None = None) -> Operation[list[StoredMeasurement]]:
@@ -71,8 +72,8 @@ class Measurements(Operations):
         return stored.checks
 
     def _upload(self, source: Source, name: str | None = None) -> Operation[StoredMeasurement]:
-        body, known = yield Work(lambda: body_of(source))
-        called = name or known
+        body: bytes | Path = yield Work(lambda: body_of(source))
+        called = name or name_of(source)
         kind: str = yield Work(lambda: media_type(body, called))
         reply = yield from self._exchange(
             Request(
@@ -97,6 +98,18 @@ class Measurements(Operations):
             return (yield from self._measurement(measurement))
         return (yield from self._upload(measurement))
 
+    def _identified(
+        self, measurement: StoredMeasurement | Source
+    ) -> Operation[tuple[str, str | None]]:
+        """Give its id, and its name where that is known; what is not stored is uploaded."""
+        if isinstance(measurement, StoredMeasurement):
+            return measurement.id, measurement.name
+        if isinstance(measurement, str) and is_measurement_id(measurement):
+            return measurement, None  # whoever submits it learns whether it is there
+        stored = yield from self._upload(measurement)
+        # The service keeps the name under which the same bytes came first.
+        return stored.id, name_of(measurement)
+
     def _delete_measurement(self, id: str) -> Operation[None]:
         yield from self._measurement(id)  # what never was cannot be deleted
         yield from self._remove(f"{PATH}/{quoted(id)}")
@@ -105,7 +118,3 @@ class Measurements(Operations):
 def is_measurement_id(text: str) -> bool:
     """Tell the SHA-256 of a measurement from other ids and from paths."""
     return re.fullmatch(r"[0-9a-f]{64}", text) is not None
-
-
-def _id(measurement: StoredMeasurement | str) -> str:
-    return measurement if isinstance(measurement, str) else measurement.id

@@ -1,17 +1,20 @@
-"""The progress of a fit, as one line on a terminal or in a notebook."""
+"""The progress of what goes on, as one line on a terminal or in a notebook."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
-from lobefit.service.client.resources import Fit
+from lobefit.service.client.ongoing import Ongoing
 
 __all__ = ["showing"]
 
+Kept = TypeVar("Kept", bound=Ongoing)
+
 
 @contextmanager
-def showing(progress: bool | Callable[[Fit], object]) -> Iterator[Callable[[Fit], object]]:
+def showing(progress: bool | Callable[[Kept], object]) -> Iterator[Callable[[Kept], object]]:
     """Give whom to tell of news.
 
     Parameters
@@ -38,13 +41,8 @@ def showing(progress: bool | Callable[[Fit], object]) -> Iterator[Callable[[Fit]
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=None)
 
-        def tell(fit: Fit) -> None:
-            running = fit.progress if fit.state == "running" else None
-            bar.update(
-                task,
-                description=str(running or fit),
-                completed=running.done if running else 0,
-                total=running.total if running and running.total else None,
-            )
+        def tell(what: Kept) -> None:
+            done, total = what.extent or (0, 0)
+            bar.update(task, description=what.news, completed=done, total=total or None)
 
         yield tell

@@ -1,14 +1,14 @@
 """What the client asks for, without saying how it is sent.
 
-An operation of the client is a generator: it yields a `Send`, `Open`, `Take`, `Close`, `Sleep` or
-`Work` and is given what came of it. The drivers in `lobefit.service.client.drivers` carry that out,
+An operation of the client is a generator: it yields a `Send`, `Open`, `Take`, `Close`, `Sleep`,
+`Work` or `Together` and is given what came of it. The drivers in `lobefit.service.client.drivers` carry that out,
 one with blocking calls and one with ``await``, so that everything else exists once.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -27,6 +27,7 @@ __all__ = [
     "Sleep",
     "Stream",
     "Take",
+    "Together",
     "Work",
 ]
 
@@ -143,5 +144,12 @@ class Work:
     function: Callable[[], Any]
 
 
-Effect: TypeAlias = Send | Open | Take | Close | Sleep | Work
+@dataclass(frozen=True)
+class Together:
+    """Give what operations return, in their order; the driver may do several at once."""
+
+    operations: Sequence[Operation[Any]]
+
+
+Effect: TypeAlias = Send | Open | Take | Close | Sleep | Work | Together
 Operation: TypeAlias = Generator[Effect, Any, T]

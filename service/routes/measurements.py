@@ -9,14 +9,15 @@ from typing import Annotated, Any
 from fastapi import Depends, Query, Request, Response
 from starlette.responses import JSONResponse
 
+from lobefit.service.answers import measurement_resource
 from lobefit.service.downloads import file_response
+from lobefit.service.files import Upload
 from lobefit.service.forms import FormFile
 from lobefit.service.problems import Problem
-from lobefit.service.resources import Measurement, MeasurementPage, Table, measurement_resource
-from lobefit.service.routes.common import Cursor, Id, Limit, problems, router
+from lobefit.service.resources import Measurement, MeasurementPage, Table
+from lobefit.service.routes.common import BINARY, Cursor, Id, Limit, problems, router
 from lobefit.service.rows import MeasurementRow, NotFound
 from lobefit.service.state import Shared, SharedState, owner
-from lobefit.service.store import Upload
 from lobefit.service.uploads import receive, shown_name
 
 __all__ = ["routes"]
@@ -30,7 +31,6 @@ _RAW = (
     "application/x-gzip",
     "application/octet-stream",
 )
-_BINARY = {"schema": {"type": "string", "format": "binary"}}
 _BODY = {
     "required": True,
     "content": {
@@ -38,8 +38,8 @@ _BODY = {
             "schema": {"type": "string", "minLength": 1},
             "example": "theta_i,phi_i,theta_o,phi_o,brdf\n30,0,30,180,0.31\n",
         },
-        "application/gzip": _BINARY,
-        "application/octet-stream": _BINARY,
+        "application/gzip": BINARY,
+        "application/octet-stream": BINARY,
         _FORM: {
             "schema": {
                 "type": "object",
@@ -168,7 +168,7 @@ async def shown(shared: SharedState, id: Id) -> Any:
     responses=problems("not-found", "conflict", "invalid-request"),
 )
 async def deleted(shared: SharedState, id: Id) -> None:
-    """Delete it; a measurement that a waiting or running fit needs stays."""
+    """Delete it; a measurement that a waiting or running fit or chart needs stays."""
     await shared.write(shared.store.delete_measurement, id)
 
 
@@ -180,7 +180,7 @@ async def deleted(shared: SharedState, id: Id) -> None:
         200: {
             "content": {
                 "text/csv": {"schema": {"type": "string"}},
-                "application/octet-stream": _BINARY,
+                "application/octet-stream": BINARY,
             }
         },
         206: {"description": "The range that was asked for."},

@@ -69,7 +69,9 @@ async def evaluated(
     body: EvaluateRequest, shared: SharedState, owner: Annotated[str, Depends(owner)]
 ) -> Response:
     """Give BRDF values in 1/sr at directions or on a grid, as JSON or an OpenEXR picture."""
-    check_models(await shared.catalogue(), [(body.model, ("model",))], body.options)
+    check_models(
+        await shared.catalogue(), [(body.model, ("model",))], [(body.options, ("options",))]
+    )
     answer, media_type = await shared.answer("evaluate", body.model_dump(mode="json"), owner=owner)
     return Response(answer, media_type=media_type)
 
@@ -84,6 +86,8 @@ async def simulated(
     body: SimulateRequest, shared: SharedState, owner: Annotated[str, Depends(owner)]
 ) -> Response:
     """Give the CSV that an instrument would have measured of a model surface."""
-    check_models(await shared.catalogue(), [(body.model, ("model",))], body.options)
+    check_models(
+        await shared.catalogue(), [(body.model, ("model",))], [(body.options, ("options",))]
+    )
     answer, media_type = await shared.answer("simulate", body.model_dump(mode="json"), owner=owner)
     return Response(answer, media_type=media_type)

@@ -44,7 +44,8 @@ def _digest(path: Path, changed: int, size: int) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _file(request: Request, folder: Path, name: str) -> Response:
+def _file(request: Request, folder: Path) -> Response:
+    name = request.path_params.get("name", "index.html")
     path = folder / name
     if not _SAFE.fullmatch(name) or not path.is_file() or path.resolve() != path:
         # Also where a link leads out of the folder.
@@ -60,27 +61,17 @@ def _file(request: Request, folder: Path, name: str) -> Response:
 
 
 @routes.get("/", include_in_schema=False)
-async def page(request: Request) -> Response:
-    """Give the page."""
-    return _file(request, _WEB, "index.html")
-
-
 @routes.get("/static/{name:path}", include_in_schema=False)
-async def static(request: Request, name: str) -> Response:
-    """Give a file of the page."""
-    return _file(request, _WEB, name)
+async def page(request: Request) -> Response:
+    """Give the page, or a file of it."""
+    return _file(request, _WEB)
 
 
 @routes.get("/docs", include_in_schema=False)
-async def docs(request: Request) -> Response:
-    """Give the list of operations, made in the browser of /openapi.json alone."""
-    return _file(request, _DOCS, "index.html")
-
-
 @routes.get("/docs/{name}", include_in_schema=False)
-async def docs_file(request: Request, name: str) -> Response:
-    """Give a file of that list."""
-    return _file(request, _DOCS, name)
+async def docs(request: Request) -> Response:
+    """Give the list of operations, made in the browser of /openapi.json alone, or a file of it."""
+    return _file(request, _DOCS)
 
 
 @routes.get("/problems/{slug}", include_in_schema=False)

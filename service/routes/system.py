@@ -11,8 +11,9 @@ from starlette.responses import JSONResponse
 from lobefit.service.observe import Metrics
 from lobefit.service.resources import Health, Ready
 from lobefit.service.routes.common import problems, router
+from lobefit.service.rows import StoreError
 from lobefit.service.state import SharedState
-from lobefit.service.store import Store, StoreError
+from lobefit.service.store import Store
 
 __all__ = ["routes"]
 

@@ -79,24 +79,40 @@ export function upload(file, name) {
 
 const path = (kind, id) => `${kind}/${encodeURIComponent(id)}`;
 const page = (cursor) => (cursor ? `&cursor=${encodeURIComponent(cursor)}` : "");
+const MOST = 200;
 const of = (model) => `?model=${encodeURIComponent(model)}`;
 
-export const measurements = (cursor) => json(`measurements?limit=20${page(cursor)}`);
-export const measurement = (id) => json(path("measurements", id));
+/** One page of a list: kind is "measurements", "fits", "charts" or "batches". */
+export const list = (kind, cursor) => json(`${kind}?limit=20${page(cursor)}`);
+export const get = (kind, id) => json(path(kind, id));
+export const submit = async (kind, body) => (await post(kind, body)).json();
+export const remove = (kind, id) => request(path(kind, id), { method: "DELETE" });
+/** End what has not ended; what has is kept. */
+export const cancel = (kind, id) => request(`${path(kind, id)}?keep=true`, { method: "DELETE" });
+/** A file of a fit, a chart or a batch. */
+export const file = async (kind, id, name) => (await request(`${path(kind, id)}/${name}`)).blob();
+export const artefact = (kind, id, name) => file(kind, id, `artefacts/${encodeURIComponent(name)}`);
+
 export const table = (id) => json(`${path("measurements", id)}/table?max_points=20000`);
-export const data = async (id) => (await request(`${path("measurements", id)}/data`)).blob();
-export const fits = (cursor) => json(`fits?limit=20${page(cursor)}`);
-export const fit = (id) => json(path("fits", id));
 export const curves = (id, model) => json(`${path("fits", id)}/curves${of(model)}`);
 export const sphere = (id, model) => json(`${path("fits", id)}/sphere${of(model)}`);
-export const remove = (kind, id) => request(path(kind, id), { method: "DELETE" });
 export const models = async () => (await json("models")).items;
 export const evaluate = async (body) => (await post("evaluate", body)).json();
 export const simulate = async (body) => (await post("simulate", body)).blob();
-export const submit = async (body) => (await post("fits", body)).json();
-export const artefact = async (id, name) =>
-  (await request(`${path("fits", id)}/artefacts/${encodeURIComponent(name)}`)).blob();
-export const archive = async (id) => (await request(`${path("fits", id)}/artefacts.zip`)).blob();
+
+/** Every fit of a batch, in the order of submission. */
+export async function fitsOf(batch) {
+  const found = [];
+  let cursor = null;
+  do {
+    const { items, next } = await json(
+      `fits?limit=${MOST}&batch=${encodeURIComponent(batch)}${page(cursor)}`,
+    );
+    found.push(...items);
+    cursor = next;
+  } while (cursor);
+  return found.reverse();
+}
 
 /** Whether the service can work, and on what; never asks for a token. */
 export async function ready() {

@@ -4,10 +4,10 @@ import { Problem, request } from "./api.js";
 
 const RETRY = 1000;
 
-/** Call `listen(type, data)` for every event of a fit until it has ended; resumes after a break. */
-export function follow(id, listen, failed) {
+/** Call `listen(type, data)` for every event of a fit or chart until it has ended; resumes after a break. */
+export function follow(kind, id, listen, failed) {
   const stop = new AbortController();
-  run(`fits/${encodeURIComponent(id)}/events`, listen, stop.signal).catch((error) => {
+  run(`${kind}/${encodeURIComponent(id)}/events`, listen, stop.signal).catch((error) => {
     if (!stop.signal.aborted) failed(error);
   });
   return () => stop.abort();

@@ -44,6 +44,19 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
+const UNITS = [
+  [1, "s"],
+  [1e-3, "ms"],
+  [1e-6, "µs"],
+  [0, "ns"],
+];
+
+/** A measured time with three digits: 68.5 ms. */
+export function elapsed(seconds) {
+  const [size, unit] = UNITS.find(([least]) => seconds >= 0.9995 * least);
+  return `${figure(seconds / (size || 1e-9))} ${unit}`;
+}
+
 /** A UTC time as the reader's clock shows it. */
 export function when(text) {
   const time = new Date(text);

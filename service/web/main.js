@@ -1,6 +1,9 @@
 /* Which view is shown for an address, the token's dialog and the line about the device. */
 
 import { onUnauthorized, ready } from "./api.js";
+import { batchView } from "./batch_view.js";
+import { chartView } from "./chart_view.js";
+import { chartsView } from "./charts.js";
 import { fill, h } from "./dom.js";
 import { fitView } from "./fit_view.js";
 import { measurementView } from "./measurement_view.js";
@@ -13,6 +16,9 @@ const main = document.getElementById("main");
 const ROUTES = [
   [/^#\/measurements\/([^/]+)$/, measurementView],
   [/^#\/fits\/([^/]+)$/, fitView],
+  [/^#\/charts\/([^/]+)$/, chartView],
+  [/^#\/charts$/, chartsView],
+  [/^#\/batches\/([^/]+)$/, batchView],
   [/^#\/past$/, pastView],
 ];
 

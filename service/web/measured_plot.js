@@ -74,6 +74,7 @@ export function measuredPlot(view, table, decades) {
     fill(
       key,
       legend(
+        "Incidences shown",
         lines().map((l) => ({ group: l.group, label: `theta_i ${l.label}`, stroke: () => l.stroke })),
         [plot],
       ),

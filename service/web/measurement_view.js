@@ -1,6 +1,7 @@
 /* What was understood of an upload, before anything is fitted. */
 
-import { data, measurement, models, table } from "./api.js";
+import { file, get, models, table } from "./api.js";
+import { chartOffer } from "./chart_form.js";
 import { checkList } from "./checks.js";
 import { card, fill, h } from "./dom.js";
 import { save } from "./downloads.js";
@@ -11,7 +12,7 @@ import { problemCard } from "./problem.js";
 
 export async function measurementView(view, id) {
   view.show("Measurement", h("p", { class: "note" }, "Loading …"));
-  const found = await measurement(id);
+  const found = await get("measurements", id);
   const { summary } = found;
   const plot = h("div", { class: "stack" }, h("p", { class: "note" }, "Drawing …"));
   const form = h("div", {}, h("p", { class: "note" }, "Loading the models …"));
@@ -35,7 +36,7 @@ export async function measurementView(view, id) {
         ),
         card("Can the numbers be what they say they are?", { id: "checks" }, checkList(found.checks)),
       ),
-      h("div", { class: "stack" }, form),
+      h("div", { class: "stack" }, form, chartCard(found)),
     ),
   );
   await Promise.all([
@@ -45,6 +46,16 @@ export async function measurementView(view, id) {
       (error) => fill(form, problemCard(error)),
     ),
   ]);
+}
+
+function chartCard(found) {
+  const offer = chartOffer(found);
+  return card(
+    "What does accuracy cost?",
+    { id: "chart", note: "Fits in many ways to one part, scored on the rest, with the time that each took." },
+    offer.button,
+    offer.panel,
+  );
 }
 
 /** Draw the measured curves as a card into a box, if they are `wanted` still when they are there. */
@@ -98,7 +109,7 @@ function figures(found) {
           class: "link",
           onclick: async (event) => {
             try {
-              save(await data(found.id), found.name || "measurement.csv");
+              save(await file("measurements", found.id, "data"), found.name || "measurement.csv");
             } catch (error) {
               event.target.after(problemCard(error));
             }

@@ -4,7 +4,8 @@ import { submit } from "./api.js";
 import { card, field, fill, h, select } from "./dom.js";
 import { problemCard } from "./problem.js";
 
-const SETS = [
+/** Sets of candidates, with words about them. */
+export const SETS = [
   ["quick", "Quick", "a few models that people use most"],
   ["standard", "Standard", "the models in common use and their variants"],
   ["all", "All", "every model there is, special lobes included"],
@@ -105,7 +106,7 @@ export function fitForm(measurement, known) {
     event.preventDefault();
     button.disabled = true;
     try {
-      const fit = await submit(body(new FormData(form), measurement));
+      const fit = await submit("fits", body(new FormData(form), measurement));
       window.location.hash = `#/fits/${fit.id}`;
     } catch (error) {
       fill(answer, problemCard(error));

@@ -6,6 +6,10 @@ export const colour = (name) =>
 
 export const dark = () => window.matchMedia("(prefers-color-scheme: dark)").matches;
 
+const GROUPS = 8;
+/** The colour of the k-th of groups that have no order. */
+export const grouped = (k) => colour(`group-${(k % GROUPS) + 1}`);
+
 // Stops of viridis without its faintest ends, for incidences in order.
 const ORDER = {
   light: [

@@ -1,35 +1,46 @@
-/* Past fits and stored measurements, newest first. */
+/* Past fits, batches and stored measurements, newest first. */
 
-import { fits, measurements, remove } from "./api.js";
+import { list, remove } from "./api.js";
+import { batchWords } from "./batch_words.js";
 import { card, fill, h } from "./dom.js";
 import { bytes, count, when } from "./format.js";
 import { problemCard } from "./problem.js";
 
 const CHIP = { done: "good", failed: "bad", cancelled: "warm" };
 
+export const stateChip = (state) => h("span", { class: `chip ${CHIP[state] ?? ""}` }, state);
+
 export async function pastView(view) {
-  const old = h("div");
-  const stored = h("div");
+  const [fits, batches, measurements] = ["", "", ""].map(() => h("div"));
   view.show(
     "Past fits",
     h("h1", {}, "Past fits"),
     h(
       "div",
       { class: "halves" },
-      card("Fits", { id: "fits" }, old),
-      card("Measurements", { id: "measurements" }, stored),
+      card("Fits", { id: "fits" }, fits),
+      h(
+        "div",
+        { class: "stack" },
+        card("Batches", { id: "batches", note: "Of several files that were dropped at once." }, batches),
+        card("Measurements", { id: "measurements" }, measurements),
+      ),
     ),
   );
-  await Promise.all([pages(old, fits, fitItems), pages(stored, measurements, measurementItems)]);
+  await Promise.all([
+    pages(fits, "fits", fitItems),
+    pages(batches, "batches", batchItems),
+    pages(measurements, "measurements", measurementItems),
+  ]);
 }
 
 /** Show one page of a list and a button for the next, until there is none. */
-async function pages(box, load, items, cursor = null) {
+export async function pages(box, kind, items, cursor = null) {
   try {
-    const { items: found, next } = await load(cursor);
+    const { items: found, next } = await list(kind, cursor);
     const more = h(
       "button",
-      { type: "button", onclick: () => (more.remove(), pages(box, load, items, next)) },
+      { type: "button", onclick: () => (more.remove(), pages(box, kind, items, next)) },
       "Show more",
     );
     if (!cursor) fill(box, items(found));
@@ -52,8 +63,25 @@ export function fitItems(items, deletable = true) {
         fit,
         fit.name || fit.best || `Fit ${fit.id.slice(0, 8)}`,
         [fit.name && fit.best ? fit.best : null, when(fit.created)].filter(Boolean).join(" · "),
-        h("span", { class: `chip ${CHIP[fit.state] ?? ""}` }, fit.state),
+        stateChip(fit.state),
         deletable,
+      ),
+    ),
+  );
+}
+
+function batchItems(items) {
+  if (!items.length) return h("p", { class: "note" }, "None yet.");
+  return h(
+    "ul",
+    { class: "items plain" },
+    items.map((b) =>
+      item(
+        "batches",
+        b,
+        b.name || `Batch ${b.id.slice(0, 8)}`,
+        `${batchWords(b)} · ${when(b.created)}`,
+        stateChip(b.state),
       ),
     ),
   );
@@ -75,7 +103,8 @@ function measurementItems(items) {
   );
 }
 
-function item(kind, resource, title, words, chip = null, deletable = true) {
+/** An entry of a list: a link, words about it, its state, and a button that deletes it. */
+export function item(kind, resource, title, words, chip = null, deletable = true) {
   const erasable = deletable && !["queued", "running"].includes(resource.state);
   const row = h(
     "li",

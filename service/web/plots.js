@@ -1,33 +1,38 @@
-/* Line plots over the viewing angle: uPlot with our axes, keys and readings. */
+/* Plots by uPlot with our axes, keys and readings: a frame for all, and lines over the viewing angle. */
 
 import { h, redrawn } from "./dom.js";
 import { figure } from "./format.js";
 import { colour } from "./palette.js";
 
 const uPlot = window.uPlot;
-const FONT = '12px system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif';
+export const FONT = '12px system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif';
 
-/** One line or set of points: {group, label, x, y, stroke, points, dash, hollow, measured}. */
-export class AnglePlot {
-  #chart = null;
+/** The looks that every axis shares, in the colours of the moment. */
+export const axisStyle = () => ({
+  stroke: colour("axis"),
+  font: FONT,
+  labelFont: FONT,
+  grid: { stroke: colour("grid"), width: 1 },
+  ticks: { stroke: colour("grid"), width: 1 },
+});
+
+/** A plot in a box that takes the focus, with a line below it that says what is pointed at. */
+export class Plot {
   #hidden = new Set();
   #stop;
 
-  /**
-   * `lines()` gives what is drawn, in the colours of the moment; `options`: label (of the y axis), log, height,
-   * symmetric, sync (a key that plots share), describe (for people who do not see it).
-   */
-  constructor(lines, options) {
-    this.lines = lines;
-    this.options = { log: false, height: 330, ...options };
+  /** `options`: height, describe (for people who do not see it), hint (what the line below says at rest). */
+  constructor(options) {
+    this.options = { height: 330, ...options };
+    this.chart = null;
     this.box = h("div", {
       class: "plot",
       role: "img",
       "aria-label": this.options.describe,
       tabindex: "0",
-      onkeydown: (e) => this.#key(e),
+      onkeydown: (e) => this.chart && this.onkey(e),
     });
-    this.readout = h("p", { class: "readout", "aria-live": "polite" }, "");
+    this.readout = h("p", { class: "readout", "aria-live": "polite" }, this.options.hint ?? "");
     this.element = h("div", { class: "plot-with-readout" }, this.box, this.readout);
     this.#stop = redrawn(this.box, () => this.draw());
   }
@@ -37,7 +42,7 @@ export class AnglePlot {
     this.draw();
   }
 
-  /** Show or hide the lines of a group. */
+  /** Show or hide the lines or points of a group. */
   toggle(group, visible) {
     if (visible) this.#hidden.delete(group);
     else this.#hidden.add(group);
@@ -48,31 +53,44 @@ export class AnglePlot {
     return !this.#hidden.has(group);
   }
 
+  /** Draw anew what `made()` of the kind of plot gives: uPlot's data and settings. */
   draw() {
     if (!this.box.clientWidth) return;
-    this.#chart?.destroy();
-    this.drawn = this.lines().filter((line) => !this.#hidden.has(line.group));
-    const { log } = this.options;
-    const tables = this.drawn.map((l) => [l.x, l.y.map((v) => (log && !(v > 0) ? null : v))]);
-    const data = tables.length ? uPlot.join(tables) : [[0], []];
+    this.chart?.destroy();
     this.box.replaceChildren();
-    this.#chart = new uPlot(this.#settings(data), data, this.box);
+    const { data, settings } = this.made();
+    const frame = { width: this.box.clientWidth, height: this.options.height, legend: { show: false } };
+    this.chart = new uPlot({ ...frame, ...settings }, data, this.box);
   }
 
   destroy() {
     this.#stop();
-    this.#chart?.destroy();
+    this.chart?.destroy();
+  }
+}
+
+/** Lines or sets of points over the viewing angle: {group, label, x, y, stroke, points, dash, hollow, measured}. */
+export class AnglePlot extends Plot {
+  /**
+   * `lines()` gives what is drawn, in the colours of the moment; more `options`: label (of the y axis), log,
+   * symmetric, format, sync (a key that plots share).
+   */
+  constructor(lines, options) {
+    super({ log: false, ...options });
+    this.lines = lines;
+  }
+
+  made() {
+    this.drawn = this.lines().filter((line) => this.shows(line.group));
+    const { log } = this.options;
+    const tables = this.drawn.map((l) => [l.x, l.y.map((v) => (log && !(v > 0) ? null : v))]);
+    const data = tables.length ? uPlot.join(tables) : [[0], []];
+    return { data, settings: this.#settings(data) };
   }
 
   #settings(data) {
-    const { log, height, label, symmetric, sync } = this.options;
-    const axis = {
-      stroke: colour("axis"),
-      font: FONT,
-      labelFont: FONT,
-      grid: { stroke: colour("grid"), width: 1 },
-      ticks: { stroke: colour("grid"), width: 1 },
-    };
+    const { log, label, symmetric, sync } = this.options;
+    const axis = axisStyle();
     const [least, high] = extent(data.slice(1), log);
     // A model may fall to 1e-30 where nothing was measured, which is no reason to show it.
     const measured = this.drawn.filter((line) => line.measured);
@@ -84,9 +102,6 @@ export class AnglePlot {
       : least;
     const low = log ? Math.max(least, seen / 30, high * 1e-9) : least;
     return {
-      width: this.box.clientWidth,
-      height,
-      legend: { show: false },
       cursor: {
         drag: { x: true, y: false },
         points: { size: 7 },
@@ -163,16 +178,16 @@ export class AnglePlot {
   }
 
   /** Arrow keys move the cursor, so that readings need no pointer. */
-  #key(event) {
+  onkey(event) {
     const step = { ArrowLeft: -1, ArrowRight: 1, Home: -Infinity, End: Infinity }[event.key];
-    if (!step || !this.#chart) return;
+    if (!step) return;
     event.preventDefault();
-    const x = this.#chart.data[0];
+    const x = this.chart.data[0];
     const idx = Math.min(
-      Math.max((this.#chart.cursor.idx ?? Math.floor(x.length / 2)) + step, 0),
+      Math.max((this.chart.cursor.idx ?? Math.floor(x.length / 2)) + step, 0),
       x.length - 1,
     );
-    this.#chart.setCursor({ left: this.#chart.valToPos(x[idx], "x"), top: 10 });
+    this.chart.setCursor({ left: this.chart.valToPos(x[idx], "x"), top: 10 });
   }
 }
 
@@ -205,19 +220,19 @@ function extent(rows, positive) {
   return low <= high ? [low, high] : [positive ? 0.1 : 0, 1];
 }
 
-/** Buttons that show and hide groups of a plot's lines: [{group, label, stroke()}]. */
-export function legend(groups, plots) {
+/** Buttons that show and hide groups of plots: [{group, label, stroke(), outline}]; `outline` clips the dot. */
+export function legend(words, groups, plots) {
   return h(
     "div",
-    { class: "legend", role: "group", "aria-label": "Incidences shown" },
-    groups.map(({ group, label, stroke }) => {
+    { class: "legend", role: "group", "aria-label": words },
+    groups.map(({ group, label, stroke, outline = null }) => {
       const dot = h("span", { class: "dot", "aria-hidden": "true" });
       dot.style.background = stroke();
+      if (outline) dot.style.clipPath = outline;
       const button = h(
         "button",
         {
           type: "button",
-          "aria-pressed": plots[0].shows(group),
           onclick: () => {
             const visible = !plots[0].shows(group);
             plots.forEach((plot) => plot.toggle(group, visible));
@@ -231,4 +246,23 @@ export function legend(groups, plots) {
       return button;
     }),
   );
+}
+
+/** What signs of a plot mean: [words, sign] pairs; a sign is an element, or the dashes of a line. */
+export function keys(pairs) {
+  return h(
+    "p",
+    { class: "keys" },
+    pairs.map(([words, sign]) => h("span", {}, typeof sign === "string" ? line(sign) : sign, words)),
+  );
+}
+
+function line(dashes) {
+  const [svg, path] = ["svg", "path"].map((tag) =>
+    document.createElementNS("http://www.w3.org/2000/svg", tag),
+  );
+  const looks = { d: "M0 5H26", stroke: "currentColor", "stroke-width": "2", "stroke-dasharray": dashes };
+  Object.entries(looks).forEach(([name, value]) => path.setAttribute(name, value));
+  svg.append(path);
+  return svg;
 }

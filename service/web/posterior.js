@@ -3,7 +3,7 @@
 import { artefact } from "./api.js";
 import { card, fill, h, segmented } from "./dom.js";
 import { count, duration, figure } from "./format.js";
-import { problemCard } from "./problem.js";
+import { pictureOf } from "./picture.js";
 
 const PICTURES = [
   ["corner.png", "corner plot", "Every two parameters against each other, with their marginals"],
@@ -14,22 +14,12 @@ const PICTURES = [
 export function posteriorCard(view, fit) {
   const p = fit.posterior;
   const there = PICTURES.filter(([name]) => fit.artefacts.some((a) => a.name === name));
-  const picture = h("div", { class: "paper" });
+  const picture = h("div");
   const words = h("p", { class: "note", "aria-live": "polite" });
   const show = async (name) => {
     const [, , said] = PICTURES.find(([file]) => file === name);
     words.textContent = said;
-    try {
-      // Drawn on a canvas, as an address with a token would have to be public.
-      const image = await createImageBitmap(await artefact(fit.id, name));
-      const canvas = h("canvas", { role: "img", "aria-label": said });
-      canvas.width = image.width;
-      canvas.height = image.height;
-      canvas.getContext("2d").drawImage(image, 0, 0);
-      fill(picture, canvas);
-    } catch (error) {
-      fill(picture, problemCard(error));
-    }
+    fill(picture, await pictureOf(artefact("fits", fit.id, name), said));
   };
   if (there.length) show(there[0][0]);
   return card(

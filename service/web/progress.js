@@ -1,23 +1,42 @@
-/* Live progress of a fit: the stage, the candidate or the chain, and the time left. */
+/* Live progress of a fit or a chart: the stage, what is done in it, and the time left. */
 
+import { cancel } from "./api.js";
 import { card, fill, h } from "./dom.js";
 import { count, duration, figure } from "./format.js";
 import { problemCard } from "./problem.js";
 
-const STAGES = [
-  ["queued", "Waiting"],
-  ["fit", "Fitting candidates"],
-  ["posterior", "Sampling the posterior"],
-  ["files", "Writing files"],
-];
+const STAGES = {
+  fits: [
+    ["queued", "Waiting"],
+    ["fit", "Fitting candidates"],
+    ["posterior", "Sampling the posterior"],
+    ["files", "Writing files"],
+  ],
+  charts: [
+    ["queued", "Waiting"],
+    ["chart", "Measuring choices"],
+  ],
+};
+const now = (label) => (label ? `; now ${label}` : "");
+const SAID = {
+  fit: (p) => `${p.done} of ${p.total} candidates done${now(p.label)}.`,
+  chart: (p) =>
+    p.total > 1 ? `${p.done} of ${p.total} choices measured${now(p.label)}.` : `Now ${p.label}.`,
+  posterior: (p) =>
+    `Step ${p.done.toLocaleString("en")} of at most ${p.total.toLocaleString("en")}; it stops when the chains have converged.`,
+  files: (p) => (p.label ? `Writing ${p.label}.` : "Writing."),
+};
 
 export class ProgressCard {
   #left = null;
   #told = 0;
   #tried = new Set();
 
-  constructor(fit, cancel) {
-    this.posterior = Boolean(fit.request?.posterior);
+  /** `kind` is "fits" or "charts". */
+  constructor(kind, job) {
+    this.kind = kind;
+    this.id = job.id;
+    this.ladder = STAGES[kind].filter(([stage]) => stage !== "posterior" || job.request?.posterior);
     this.stages = h("ol", { class: "stages plain" });
     this.fill = h("div");
     this.bar = h(
@@ -29,11 +48,7 @@ export class ProgressCard {
     this.figures = h("dl", { class: "figures" });
     this.tried = h("div", { class: "chips" });
     this.problem = h("div");
-    this.button = h(
-      "button",
-      { type: "button", class: "danger", onclick: () => this.#cancel(cancel) },
-      "Cancel",
-    );
+    this.button = h("button", { type: "button", class: "danger", onclick: () => this.#cancel() }, "Cancel");
     this.element = card(
       "Progress",
       { id: "progress", tools: [this.button] },
@@ -45,40 +60,33 @@ export class ProgressCard {
       this.problem,
     );
     this.clock = setInterval(() => this.#tick(), 1000);
-    this.state(fit);
-    if (fit.progress) this.progress(fit.progress);
+    this.state(job);
+    if (job.progress) this.progress(job.progress);
   }
 
   stop() {
     clearInterval(this.clock);
   }
 
-  state(fit) {
-    if (fit.state !== "queued") return;
+  state(job) {
+    if (job.state !== "queued") return;
     this.#stage("queued");
     this.words.textContent =
-      fit.position > 0 ? `${count(fit.position, "fit")} before this one.` : "Next in line.";
+      job.position > 1 ? `${count(job.position - 1, "other job")} before this one.` : "Next in line.";
   }
 
   progress(p) {
     this.#stage(p.stage);
-    const known = p.total > 0;
+    const known = p.total > 1;
     this.bar.classList.toggle("waiting", !known);
     this.fill.style.width = known ? `${(100 * p.done) / p.total}%` : "";
     if (known) {
       this.bar.setAttribute("aria-valuemax", p.total);
       this.bar.setAttribute("aria-valuenow", p.done);
-    }
+    } else this.bar.removeAttribute("aria-valuenow");
     this.#left = p.seconds_left;
     this.#told = performance.now();
-    this.words.textContent =
-      {
-        fit: `${p.done} of ${p.total} candidates done${p.label ? `; now ${p.label}` : ""}.`,
-        posterior: `Step ${p.done.toLocaleString("en")} of at most ${p.total.toLocaleString("en")}; it stops when the chains have converged.`,
-        files: p.label ? `Writing ${p.label}.` : "Writing.",
-      }[p.stage] ??
-      p.label ??
-      "";
+    this.words.textContent = SAID[p.stage]?.(p) ?? p.label ?? "";
     if (p.stage === "fit" && p.label && !this.#tried.has(p.label)) {
       this.#tried.add(p.label);
       this.tried.lastElementChild?.classList.add("good");
@@ -92,7 +100,7 @@ export class ProgressCard {
       ["Autocorrelation time", p.tau && `${figure(p.tau)} steps`],
       ["Acceptance", p.acceptance && `${figure(100 * p.acceptance, 2)} %`],
       ["Effective samples", p.ess && Math.round(p.ess).toLocaleString("en")],
-    ].filter(([name, value]) => value || name === "Left");
+    ].filter(([name, value]) => value || (name === "Left" && this.kind === "fits"));
     fill(
       this.figures,
       entries.map(([name, value]) => {
@@ -104,12 +112,11 @@ export class ProgressCard {
     this.#tick();
   }
 
-  #stage(now) {
-    const stages = STAGES.filter(([stage]) => stage !== "posterior" || this.posterior);
-    const at = stages.findIndex(([stage]) => stage === now);
+  #stage(reached) {
+    const at = this.ladder.findIndex(([stage]) => stage === reached);
     fill(
       this.stages,
-      stages.map(([, title], k) =>
+      this.ladder.map(([, title], k) =>
         h("li", { class: k < at ? "done" : null, "aria-current": k === at ? "step" : null }, title),
       ),
     );
@@ -125,11 +132,11 @@ export class ProgressCard {
       left === null ? "not known yet" : `about ${duration(Math.max(Math.round(left), 1))}`;
   }
 
-  async #cancel(cancel) {
+  async #cancel() {
     this.button.disabled = true;
     this.words.textContent = "Cancelling; what is finished is kept.";
     try {
-      await cancel();
+      await cancel(this.kind, this.id);
     } catch (error) {
       this.button.disabled = false;
       fill(this.problem, problemCard(error));

@@ -4,7 +4,7 @@ import { card, fill, h, segmented } from "./dom.js";
 import { percent } from "./format.js";
 import { nameOf } from "./geometry.js";
 import { colour, ordered } from "./palette.js";
-import { AnglePlot, legend } from "./plots.js";
+import { AnglePlot, keys, legend } from "./plots.js";
 import { problemCard } from "./problem.js";
 
 const LOG_FROM = 1.2;
@@ -56,9 +56,9 @@ export function slicesCard(view, compared) {
       }));
       return fill(
         box,
-        keys(),
+        signs(),
         curves.element,
-        legend(groups, [curves, residuals]),
+        legend("Incidences shown", groups, [curves, residuals]),
         h("h3", {}, "Residuals"),
         residuals.element,
       );
@@ -88,28 +88,15 @@ export function slicesCard(view, compared) {
   );
 }
 
-function keys() {
-  const line = (words, draw) => h("span", {}, draw, words);
-  const svg = (dash) => {
-    const s = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    path.setAttribute("d", "M0 5H26");
-    path.setAttribute("stroke", "currentColor");
-    path.setAttribute("stroke-width", "2");
-    if (dash) path.setAttribute("stroke-dasharray", "4 4");
-    s.append(path);
-    return s;
-  };
+function signs() {
   const dot = h("span", { class: "dot", "aria-hidden": "true" });
   dot.style.background = "currentColor";
-  return h(
-    "p",
-    { class: "keys" },
-    line("measured", dot),
-    line("model A", svg(false)),
-    line("model B", svg(true)),
-    h("span", {}, "colours are incidences"),
-  );
+  return keys([
+    ["measured", dot],
+    ["model A", "none"],
+    ["model B", "4 4"],
+    ["colours are incidences", null],
+  ]);
 }
 
 function curveLines(data, compared) {

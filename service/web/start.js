@@ -1,8 +1,9 @@
 /* The first view: bring a measurement, or try a sample, or go on with an old fit. */
 
-import { fits, simulate, upload } from "./api.js";
-import { card, fill, h } from "./dom.js";
-import { bytes } from "./format.js";
+import { list } from "./api.js";
+import { card, fill, h, select } from "./dom.js";
+import { Intake } from "./intake.js";
+import { SETS } from "./options.js";
 import { fitItems } from "./past.js";
 import { problemCard } from "./problem.js";
 import { SAMPLES } from "./samples.js";
@@ -14,7 +15,8 @@ const EXAMPLE = `theta_i,phi_i,theta_o,phi_o,R,G,B
 export async function startView(view) {
   const answer = h("div", { "aria-live": "polite" });
   const past = h("div", {}, h("p", { class: "note" }, "…"));
-  const intake = new Intake(view, answer);
+  let models = "standard";
+  const intake = new Intake(view, answer, () => models);
   view.show(
     "New fit",
     h(
@@ -34,7 +36,7 @@ export async function startView(view) {
       h(
         "div",
         { class: "stack" },
-        dropZone(intake),
+        dropZone(intake, models, (set) => (models = set)),
         card(
           "Or try a sample",
           {
@@ -62,64 +64,22 @@ export async function startView(view) {
     ),
   );
   try {
-    fill(past, fitItems((await fits()).items.slice(0, 6), false));
+    fill(past, fitItems((await list("fits")).items.slice(0, 6), false));
   } catch (error) {
     fill(past, problemCard(error));
   }
 }
 
-/** Takes files from wherever they come and shows what became of them. */
-class Intake {
-  #busy = false;
-
-  constructor(view, answer) {
-    this.view = view;
-    this.answer = answer;
-  }
-
-  take(file) {
-    return this.#work(
-      `Reading and checking ${file.name} (${bytes(file.size)}) …`,
-      () => upload(file, file.name),
-      file,
-    );
-  }
-
-  sample(sample) {
-    return this.#work(`Simulating ${sample.title} …`, async () =>
-      upload(await simulate(sample.body), sample.name),
-    );
-  }
-
-  async #work(words, work, file = null) {
-    if (this.#busy) return;
-    this.#busy = true;
-    fill(
-      this.answer,
-      h("div", { class: "notice" }, h("p", {}, words), h("div", { class: "progress waiting" }, h("div"))),
-    );
-    this.answer.scrollIntoView({ block: "nearest" });
-    try {
-      const found = await work();
-      if (!this.view.over) window.location.hash = `#/measurements/${found.id}`;
-    } catch (error) {
-      fill(this.answer, problemCard(error, file));
-      this.answer.scrollIntoView({ block: "nearest" });
-    } finally {
-      this.#busy = false;
-    }
-  }
-}
-
-function dropZone(intake) {
+function dropZone(intake, models, choose) {
   const input = h("input", {
     type: "file",
     id: "file",
     class: "visually-hidden",
     tabindex: "-1",
+    multiple: true,
     accept: ".csv,.txt,.gz,.binary,text/csv,application/gzip",
     onchange: () => {
-      if (input.files.length) intake.take(input.files[0]);
+      intake.take(input.files);
       input.value = "";
     },
   });
@@ -136,14 +96,24 @@ function dropZone(intake) {
       ondragleave: over(false),
       ondrop: (event) => {
         over(false)(event);
-        if (event.dataTransfer.files.length) intake.take(event.dataTransfer.files[0]);
+        intake.take(event.dataTransfer.files);
       },
     },
     h("img", { src: "static/logo.svg", alt: "" }),
-    h("strong", {}, "Drop a CSV here"),
-    h("button", { type: "button", class: "primary", onclick: () => input.click() }, "Choose a file"),
-    h("small", {}, "CSV, CSV.gz or MERL .binary. It goes to this service and nowhere else."),
-    h("label", { for: "file", class: "visually-hidden" }, "Measurement file"),
+    h("strong", {}, "Drop a CSV here, or many"),
+    h("button", { type: "button", class: "primary", onclick: () => input.click() }, "Choose files"),
+    h("small", {}, "CSV, CSV.gz or MERL .binary. They go to this service and nowhere else."),
+    h(
+      "label",
+      { class: "several" },
+      "Several at once are all fitted, with the models ",
+      select(
+        SETS.filter(([set]) => set !== "chosen").map(([set, title]) => [set, title.toLowerCase()]),
+        models,
+        choose,
+      ),
+    ),
+    h("label", { for: "file", class: "visually-hidden" }, "Measurement files"),
     input,
   );
   return zone;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from lobefit.service.rows import WAITING
 from lobefit.service.task import Work
 
 __all__ = ["KINDS", "QUICK", "work_of"]
@@ -16,11 +17,13 @@ KINDS = {
     "simulate": "lobefit.service.work.simulate",
     "curves": "lobefit.service.work.curves",
     "sphere": "lobefit.service.work.sphere",
+    "batch": "lobefit.service.work.batch",
     "fit": "lobefit.service.work.fit",
+    "chart": "lobefit.service.work.chart",
 }
 """Module of each kind, which has a function `perform`."""
 
-QUICK = tuple(kind for kind in KINDS if kind != "fit")
+QUICK = tuple(kind for kind in KINDS if kind not in WAITING)
 
 
 def work_of(kind: str) -> Work:

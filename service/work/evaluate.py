@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lobefit.fitting.lobes import write_exr
+from lobefit.fitting.exr import write_exr
 from lobefit.kernels import evaluate
 from lobefit.service.task import Outcome, Refused, Task, answer, file_answer
 from lobefit.service.work.fitted import numbers

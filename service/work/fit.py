@@ -7,10 +7,10 @@ import math
 import shutil
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lobefit.fitting import FitReport, FitResult, Measurement, fit, sample
+from lobefit.fitting.albedo_picture import write_albedo
 from lobefit.fitting.artefacts import write_together
 from lobefit.fitting.document import to_json
 from lobefit.fitting.figure import write_figure
@@ -18,23 +18,15 @@ from lobefit.fitting.lobes import write_lobes
 from lobefit.fitting.posterior import Posterior
 from lobefit.fitting.writers import write_measurement
 from lobefit.kernels.errors import FitError
-from lobefit.service.claim import Made
 from lobefit.service.task import Outcome, Refused, Stopped, Task
-from lobefit.service.work.measured import stored
+from lobefit.service.work.files import made_of
+from lobefit.service.work.measured import wanted_measurement
 
 if TYPE_CHECKING:
     from lobefit.fitting.sampler import SamplingProgress
 
-__all__ = ["MEDIA_TYPES", "perform"]
+__all__ = ["perform"]
 
-MEDIA_TYPES = {
-    ".json": "application/json",
-    ".csv": "text/csv",
-    ".png": "image/png",
-    ".exr": "image/x-exr",
-    ".nc": "application/x-netcdf",
-    ".h5": "application/x-hdf5",
-}
 CHAIN = "chain.h5"
 
 
@@ -44,9 +36,7 @@ def perform(task: Task) -> Outcome:
     A job that is to end gives what is finished by then: the candidates fitted, the chain.
     """
     wanted = task.request
-    measurement, digest = stored(task.store, wanted["measurement"])
-    if wanted.get("max_theta_deg") is not None:
-        measurement = measurement.within(math.radians(wanted["max_theta_deg"]))
+    measurement, digest = wanted_measurement(task)
     told = _Teller(task)
     report = fit(
         measurement,
@@ -74,6 +64,7 @@ def perform(task: Task) -> Outcome:
             {
                 "fit.png": lambda path: write_figure(path, report),
                 "lobes.exr": lambda path: write_lobes(path, report.best, measurement),
+                "albedo.exr": lambda path: write_albedo(path, [report.best]),
             },
         )
         if wanted.get("posterior") is not None:
@@ -81,7 +72,7 @@ def perform(task: Task) -> Outcome:
             result["converged"] = posterior.converged
             told.stage("files", 0, 1, "pictures of the posterior")
             paths = posterior.save(task.folder)
-            task.publish(_made(path) for path in paths.values())
+            task.publish(made_of(path) for path in paths.values())
     except Stopped:
         _keep_chain(task)
     return Outcome(result)
@@ -159,7 +150,7 @@ def _keep_chain(task: Task) -> None:
     kept = ChainFile(chain, settings, walkers, size, 0)
     if kept.iteration:
         kept.trim()
-        task.publish([_made(chain)])
+        task.publish([made_of(chain)])
     else:
         chain.unlink()
 
@@ -167,11 +158,7 @@ def _keep_chain(task: Task) -> None:
 def _give(task: Task, makers: dict[str, Any]) -> None:
     """Write files and give them out."""
     write_together(task.folder, makers)
-    task.publish(_made(task.folder / name) for name in makers)
-
-
-def _made(path: Path) -> Made:
-    return Made(path, MEDIA_TYPES[path.suffix])
+    task.publish(made_of(task.folder / name) for name in makers)
 
 
 class _Teller:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,8 +11,9 @@ from dataclasses import replace
 from lobefit.fitting import Measurement, read_measurement
 from lobefit.kernels.errors import MeasurementError
 from lobefit.service.store import Store
+from lobefit.service.task import Task
 
-__all__ = ["named", "stored"]
+__all__ = ["named", "stored", "wanted_measurement"]
 
 # The last few are kept, since a page asks for several views of one.
 KEPT_ROWS = 200_000
@@ -38,6 +40,13 @@ def stored(store: Store, id: str) -> tuple[Measurement, str]:
     else:
         _kept.move_to_end(id)
     return replace(found, source=row.name), row.id
+
+
+def wanted_measurement(task: Task) -> tuple[Measurement, str]:
+    """Read the measurement of a fit or a chart, without the rows it leaves out; and its digest."""
+    measurement, digest = stored(task.store, task.request["measurement"])
+    most = task.request.get("max_theta_deg")
+    return measurement if most is None else measurement.within(math.radians(most)), digest
 
 
 @contextmanager

@@ -7,15 +7,13 @@ from lobefit.fitting.scan_patterns import pattern
 from lobefit.kernels.errors import MeasurementError
 from lobefit.service.task import Outcome, Refused, Task, file_answer
 
-__all__ = ["perform"]
+__all__ = ["check_geometry", "perform"]
 
 MOST_DIRECTIONS = 400_000
 
 
-def perform(task: Task) -> Outcome:
-    """Simulate and write a CSV."""
-    wanted = task.request
-    geometry = wanted.get("geometry", "in-plane")
+def check_geometry(geometry: str) -> None:
+    """Raise `Refused` for a geometry that is none, or of too many directions."""
     try:
         # Before any are made; anisotropic models have the sample turned in four steps.
         count = 4 * pattern(geometry).at_most
@@ -27,6 +25,13 @@ def perform(task: Task) -> Outcome:
             f"the geometry may have {count:,.0f} directions, {MOST_DIRECTIONS:,} are the most here; "
             "take larger steps",
         )
+
+
+def perform(task: Task) -> Outcome:
+    """Simulate and write a CSV."""
+    wanted = task.request
+    geometry = wanted.get("geometry", "in-plane")
+    check_geometry(geometry)
     relative, additive = wanted.get("noise", (0.02, 0.001))
     measurement = simulate(
         wanted["model"],

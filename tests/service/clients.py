@@ -31,6 +31,11 @@ class Awaited:
 
         return lambda *args, **kwargs: asyncio.run(run(*args, **kwargs))
 
+    @staticmethod
+    def made(thing: Any) -> Awaited:
+        """Run the methods of what the client gave, too."""
+        return Awaited(thing)
+
 
 Kind = Callable[..., Any]
 

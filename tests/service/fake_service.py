@@ -1,7 +1,6 @@
-"""A service in memory that keeps the contract of the HTTP interface, and a network that does not.
+"""A service in memory that keeps the contract of the HTTP interface.
 
-`FakeService` is a handler for `httpx2.MockTransport`; `Faulty` puts drops, delays, repeated
-requests, cut answers and busy answers between it and a client.
+`FakeService` is a handler for `httpx2.MockTransport`.
 """
 
 from __future__ import annotations
@@ -10,14 +9,17 @@ import gzip
 import hashlib
 import json
 import random
-import time
+import tempfile
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx2
 
-Handler = Callable[[httpx2.Request], httpx2.Response]
+from lobefit.fitting.batch_table import table_makers
+from tests.service.fake_network import Pieces, answer, pieces, problem
+
 TERMINAL = ("done", "failed", "cancelled")
 CREATED = "2026-01-02T03:04:05.678Z"
 
@@ -55,15 +57,18 @@ REPORT = {
     "failed": [{"candidate": "ward", "reason": "<script>alert(1)</script>"}],
 }
 POSTERIOR = {"converged": True, "summary": {"alpha": {"mean": 0.3}}}
+CHART = {"schema": "lobefit.chart/1", "answer": "Fit lambert.", "finding": "It is <b>fast."}
 STEPS = 6
 
 
 class FakeService:
-    """Handles requests; what was made is in `measurements` and `fits`."""
+    """Handles requests; what was made is in `measurements`, `fits`, `charts` and `batches`."""
 
     def __init__(self) -> None:
         self.measurements: dict[str, dict[str, Any]] = {}
         self.fits: dict[str, dict[str, Any]] = {}
+        self.charts: dict[str, dict[str, Any]] = {}
+        self.batches: dict[str, dict[str, Any]] = {}
         self.keys: dict[str, tuple[str, bytes]] = {}
         self.requests: Counter[str] = Counter()
         self.refusals: list[httpx2.Response] = []
@@ -93,14 +98,18 @@ class FakeService:
                     del self.measurements[id]
                     return httpx2.Response(204)
                 return answer(200, self.measurements[id])
-            case ["POST", "v1", "fits"]:
-                return self.submit(request)
-            case ["GET", "v1", "fits"]:
-                return self.page(request, self.fits)
-            case [method, "v1", "fits", id, *rest]:
-                if id not in self.fits:
-                    return problem(404, "not-found", "there is no such fit")
-                return self.fit(request, method, id, rest)
+            case ["POST", "v1", "fits" | "charts" | "batches" as kind]:
+                return self.submit(request, kind)
+            case ["GET", "v1", "fits" | "charts" | "batches" as kind]:
+                rows = {id: self.resource(id) for id in self.kept(kind)}
+                # In a batch's list the newest is first; others are read in the order of making.
+                newest = dict(reversed(rows.items())) if "batch" in request.url.params else rows
+                return self.page(request, newest)
+            case [method, "v1", "fits" | "charts" | "batches" as kind, id, *rest]:
+                if id not in self.kept(kind):
+                    return problem(404, "not-found", f"there is no such {id.partition('-')[0]}")
+                do = self.batch if kind == "batches" else self.fit
+                return do(request, method, id, rest)
             case ["POST", "v1", "evaluate"]:
                 return self.evaluate(json.loads(request.content))
             case ["POST", "v1", "simulate"]:
@@ -155,14 +164,20 @@ class FakeService:
         items = [
             {k: v for k, v in row.items() if not k.startswith("_")}
             for row in rows.values()
-            if query.get("state", row.get("state")) == row.get("state")
+            if all(query.get(k, row.get(k)) == row.get(k) for k in ("state", "batch"))
         ]
         start = int(query.get("cursor", "0"))
         size = min(int(query["limit"]), 2)  # short pages, so that cursors matter
         following = str(start + size) if start + size < len(items) else None
         return answer(200, {"items": items[start : start + size], "next": following})
 
-    def submit(self, request: httpx2.Request) -> httpx2.Response:
+    def kept(self, kind: str) -> dict[str, dict[str, Any]]:
+        return {"fits": self.fits, "charts": self.charts, "batches": self.batches}[kind]
+
+    def row(self, id: str) -> dict[str, Any]:
+        return next(rows[id] for rows in (self.fits, self.charts, self.batches) if id in rows)
+
+    def submit(self, request: httpx2.Request, kind: str) -> httpx2.Response:
         body = json.loads(request.content)
         key = request.headers["idempotency-key"]
         if key in self.keys:
@@ -174,12 +189,28 @@ class FakeService:
             detail = "there is no model 'no_such'"
             errors = [{"pointer": "/models/0", "detail": detail}]
             return problem(422, "unknown-model", detail, errors=errors)
-        id = f"fit-{len(self.keys) + 1}"
+        for k, item in enumerate(body.get("items", ())):
+            if item["measurement"] not in self.measurements:
+                detail = "there is no such measurement"
+                errors = [{"pointer": f"/items/{k}/measurement", "detail": detail}]
+                return problem(404, "not-found", f"{detail}; upload it first", errors=errors)
+        id = f"{kind.removesuffix('s').removesuffix('e')}-{len(self.keys) + 1}"
         self.keys[key] = (id, request.content)
-        self.fits[id] = {
+        if kind == "batches":
+            self.batches[id] = {"id": id, "name": body["name"], "created": CREATED}
+            for k, item in enumerate(body["items"]):
+                given = {**body, "name": None, **item}
+                del given["items"]
+                self.fits[f"{id}-{k}"] = self.queued(f"{id}-{k}", given) | {"batch": id}
+        else:
+            self.kept(kind)[id] = self.queued(id, body)
+        return answer(202, self.resource(id))
+
+    def queued(self, id: str, body: dict[str, Any]) -> dict[str, Any]:
+        return {
             "id": id,
             "name": body["name"],
-            "measurement": body["measurement"],
+            "measurement": body.get("measurement"),
             "request": body,
             "state": "queued",
             "created": CREATED,
@@ -187,10 +218,12 @@ class FakeService:
             "_at": 0,
             "_end": "failed" if body["name"] == "bad" else "done",
         }
-        return answer(202, self.resource(id))
 
     def resource(self, id: str, documents: bool = False) -> dict[str, Any]:
-        row = {k: v for k, v in self.fits[id].items() if not k.startswith("_")}
+        row = {k: v for k, v in self.row(id).items() if not k.startswith("_")}
+        if id in self.batches:
+            return row | self.tally(id)
+        kind = "charts" if id in self.charts else "fits"
         row |= {"artefacts": [], "progress": None, "problem": None, "attempts": 1, "later": "new"}
         if row["state"] == "done":
             row["artefacts"] = [
@@ -199,12 +232,16 @@ class FakeService:
                     "bytes": len(content),
                     "media_type": "application/octet-stream",
                     "sha256": hashlib.sha256(content).hexdigest(),
-                    "href": f"/v1/fits/{id}/artefacts/{name}",
+                    "href": f"/v1/{kind}/{id}/artefacts/{name}",
                 }
                 for name, content in self.files.items()
             ]
-            row |= {"best": "ggx", "verdict": REPORT["verdict"], "ended": CREATED}
-            row |= {"result": REPORT, "posterior": POSTERIOR} if documents else {}
+            said: dict[str, Any] = {"best": "ggx", "verdict": REPORT["verdict"]}
+            full: dict[str, Any] = {"result": REPORT, "posterior": POSTERIOR}
+            if kind == "charts":
+                said = {name: CHART[name] for name in ("answer", "finding")}
+                full = {"result": CHART}
+            row |= {**said, "ended": CREATED, **(full if documents else {})}
         if row["state"] == "failed":
             row["problem"] = {
                 "type": "/problems/invalid-request",
@@ -214,7 +251,7 @@ class FakeService:
 
     def advance(self, id: str) -> tuple[int, str, dict[str, Any]]:
         """Let a fit do its next step; gives the event of it."""
-        row = self.fits[id]
+        row = self.row(id)
         row["_at"] += 1
         row["position"] = None
         row["state"] = row["_end"] if row["_at"] == STEPS else "running"
@@ -229,12 +266,12 @@ class FakeService:
     def fit(
         self, request: httpx2.Request, method: str, id: str, rest: list[str]
     ) -> httpx2.Response:
-        row = self.fits[id]
+        row = self.row(id)
         if method == "DELETE":
             if row["state"] in TERMINAL:
                 if request.url.params.get("keep") == "true":
                     return problem(409, "conflict", "nothing to cancel")
-                del self.fits[id]
+                (self.charts if id in self.charts else self.fits).pop(id)
                 return httpx2.Response(204)
             row["_end"], row["_at"], row["state"] = "cancelled", STEPS, "cancelled"
             return answer(202, self.resource(id))
@@ -246,13 +283,62 @@ class FakeService:
             self.advance(id)  # who only asks sees it go on too
         return answer(200, self.resource(id, documents=True))
 
+    def fits_of(self, batch: str) -> list[dict[str, Any]]:
+        return [row for row in self.fits.values() if row.get("batch") == batch]
+
+    def tally(self, id: str) -> dict[str, Any]:
+        """Count the fits of a batch."""
+        counts = Counter({state: 0 for state in ("queued", "running", *TERMINAL)})
+        counts.update(row["state"] for row in self.fits_of(id))
+        ended = sum(counts[state] for state in TERMINAL) == counts.total()
+        state = "running" if not ended else "cancelled" if counts["cancelled"] else "done"
+        return {
+            "state": state,
+            "total": counts.total(),
+            "counts": dict(counts),
+            "ended": CREATED if ended else None,
+            "seconds_left": None if ended else 2.0,
+        }
+
+    def batch(
+        self, request: httpx2.Request, method: str, id: str, rest: list[str]
+    ) -> httpx2.Response:
+        rows = self.fits_of(id)
+        if method == "DELETE":
+            if self.tally(id)["ended"]:
+                if request.url.params.get("keep") == "true":
+                    return problem(409, "conflict", "nothing to cancel")
+                for row in (*rows, self.batches[id]):
+                    (self.batches if row["id"] == id else self.fits).pop(row["id"])
+                return httpx2.Response(204)
+            for row in rows:
+                if row["state"] not in TERMINAL:
+                    row["_at"], row["state"] = STEPS, "cancelled"
+            return answer(202, self.resource(id))
+        if rest == ["summary.png"]:
+            return httpx2.Response(200, content=b"\x89PNG")
+        if rest:
+            table = [
+                {"name": row["name"], "status": row["state"], "described": True, "rmse": 0.25}
+                | {"model": "ggx", "directions": 2, "verdict": '-"so, so"\nand so', "file": "12"}
+                | {"parameters": [{"parameter": "alpha", "value": 0.3, "unit": "1"}]}
+                for row in rows
+            ]
+            with tempfile.TemporaryDirectory() as folder:
+                table_makers(table)[rest[0]](path := Path(folder, rest[0]))
+                return httpx2.Response(200, content=path.read_bytes())
+        for row in rows:
+            if row["state"] not in TERMINAL and not (row["name"] or "").startswith("slow"):
+                self.advance(row["id"])
+        return answer(200, self.resource(id))
+
     def events(self, request: httpx2.Request, id: str) -> httpx2.Response:
         last = int(request.headers.get("last-event-id", "0"))
 
         def said() -> Iterator[bytes]:
             yield b"retry: 1000\n\n: a comment\n\n"
             for at in range(last + 1, STEPS + 1):
-                row = self.fits[id]
+                row = self.row(id)
                 event = self.event(id, at) if at <= row["_at"] else self.advance(id)
                 yield f"id: {event[0]}\nevent: {event[1]}\n".encode()
                 yield f"data: {json.dumps(event[2])}\n\n".encode()
@@ -286,111 +372,3 @@ class FakeService:
             count *= n
         row = [body["params"]["k_d"] + k for k in range(count)]
         return answer(200, {"channels": ["R"], "values": [row], "shape": angles})
-
-
-class Pieces(httpx2.SyncByteStream, httpx2.AsyncByteStream):
-    """An answer that comes in pieces, for both kinds of client."""
-
-    def __init__(self, source: Iterator[bytes]) -> None:
-        self.source = source
-
-    def __iter__(self) -> Iterator[bytes]:
-        return self.source
-
-    async def __aiter__(self) -> AsyncIterator[bytes]:
-        for piece in self.source:
-            yield piece
-
-
-class Faulty(httpx2.BaseTransport, httpx2.AsyncBaseTransport):
-    """A network that loses, repeats, delays and cuts; and a service that is busy.
-
-    Parameters
-    ----------
-    handler : callable
-        What answers.
-    seed : int
-        Of the faults.
-    share : float
-        Of requests that meet one.
-    """
-
-    KINDS = ("lost", "answer lost", "twice", "cut", "short", "delayed", "busy", "broken proxy")
-
-    def __init__(self, handler: Handler, seed: int, share: float) -> None:
-        self.handler = handler
-        self.random = random.Random(seed)
-        self.share = share
-        self.met: Counter[str] = Counter()
-
-    def handle_request(self, request: httpx2.Request) -> httpx2.Response:
-        request.read()
-        return self.answer(request)
-
-    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
-        await request.aread()
-        return self.answer(request)
-
-    def answer(self, request: httpx2.Request) -> httpx2.Response:
-        kind = self.random.choice(self.KINDS) if self.random.random() < self.share else "none"
-        self.met[kind] += 1
-        if kind == "lost":
-            raise httpx2.ConnectError("the network is down", request=request)
-        if kind == "busy":
-            status = self.random.choice((429, 503))
-            return problem(status, "queue-full", "full", headers={"retry-after": "0"})
-        if kind == "broken proxy":
-            return httpx2.Response(502, html="<h1>Bad gateway</h1>")
-        if kind == "twice":
-            first = self.handler(request)
-            if isinstance(first.stream, Pieces):
-                list(first.stream)
-        if kind == "delayed":
-            time.sleep(0.002)
-        response = self.handler(request)
-        if kind == "answer lost":
-            raise httpx2.ReadTimeout("no answer", request=request)
-        if kind in ("cut", "short"):
-            return self.cut(response, kind, request)
-        return response
-
-    def cut(self, response: httpx2.Response, kind: str, request: httpx2.Request) -> httpx2.Response:
-        """Let an answer end too early, with an error or, where its length tells, without one."""
-        whole = b"".join(response.stream)  # type: ignore[arg-type]
-        keep = self.random.randrange(len(whole)) if whole else 0
-        told = "content-length" in response.headers
-
-        def said() -> Iterator[bytes]:
-            yield whole[:keep]
-            if kind == "cut" or not told:
-                raise httpx2.RemoteProtocolError("peer closed connection", request=request)
-
-        return httpx2.Response(
-            response.status_code, headers=response.headers, stream=Pieces(said())
-        )
-
-
-def answer(status: int, document: dict[str, Any]) -> httpx2.Response:
-    """Answer with JSON."""
-    return httpx2.Response(status, json=document)
-
-
-def problem(
-    status: int, slug: str, detail: str, headers: dict[str, str] | None = None, **members: Any
-) -> httpx2.Response:
-    """Answer with a problem document."""
-    document = {"type": f"/problems/{slug}", "title": slug.title(), "status": status}
-    document |= {"detail": detail, "instance": "request-7", **members}
-    kind = {"content-type": "application/problem+json"}
-    return httpx2.Response(
-        status, headers={**kind, **(headers or {})}, content=json.dumps(document).encode()
-    )
-
-
-def pieces(status: int, content: bytes, headers: dict[str, str]) -> httpx2.Response:
-    """Answer with bytes in pieces."""
-    size = 1 << 14
-    source = (content[k : k + size] for k in range(0, len(content), size))
-    return httpx2.Response(
-        status, headers={**headers, "content-length": str(len(content))}, stream=Pieces(source)
-    )

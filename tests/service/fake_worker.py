@@ -13,11 +13,15 @@ from starlette.testclient import TestClient
 from lobefit.service.app import create_app
 from lobefit.service.claim import Claim, Made
 from lobefit.service.jobs import Queue, identity
+from lobefit.service.rows import WAITING, Limits
 from lobefit.service.settings import Settings
-from lobefit.service.store import Limits, Store
+from lobefit.service.store import Store
+from lobefit.service.work import QUICK
+from lobefit.service.work.files import MEDIA_TYPES
 
 CSV = b"theta_i,phi_i,theta_o,phi_o,brdf\n30,0,30,180,0.31\n30,0,40,180,0.21\n"
-KINDS = ("inspect", "table", "catalogue", "evaluate", "simulate", "curves", "sphere", "fit")
+FAILS = "fails"
+"""Fits and charts of this name fail."""
 MODELS = {
     "items": [
         {
@@ -47,12 +51,12 @@ ANSWERS: dict[str, dict[str, Any]] = {
 
 
 class FakeWorker:
-    """Claims jobs and answers them; fits wait while `held` is set.
+    """Claims jobs and answers them; fits and charts wait while `held` is set.
 
     Attributes
     ----------
     held : threading.Event
-        Set: fits are claimed, tell one progress, and end once it is cleared or they are cancelled.
+        Set: they are claimed, tell one progress, and end once it is cleared or they are cancelled.
     silent : threading.Event
         Set: nothing is claimed.
     """
@@ -63,7 +67,7 @@ class FakeWorker:
         self._end = threading.Event()
         self._threads = [
             threading.Thread(target=self._run, args=(name, kinds))
-            for name, kinds in (("desk", KINDS[:-1]), ("fit-1", KINDS[-1:]))
+            for name, kinds in (("desk", QUICK), ("fit-1", WAITING))
         ]
 
     def __enter__(self) -> Self:
@@ -83,8 +87,8 @@ class FakeWorker:
             claim = None if self.silent.is_set() else queue.claim()
             if claim is None:
                 self._end.wait(0.005)
-            elif claim.job.kind == "fit":
-                self._fit(claim)
+            elif claim.job.kind in WAITING:
+                self._wait(claim)
             else:
                 self._quick(claim)
         queue.close()
@@ -109,15 +113,17 @@ class FakeWorker:
                 )
         elif claim.job.kind == "catalogue":
             claim.finish(MODELS)
-        elif claim.job.kind == "simulate":
-            path = claim.folder / "answer.csv"
+        elif claim.job.kind in ("simulate", "batch"):
+            path = claim.folder / asked.get("file", "answer.csv")
             path.write_bytes(CSV)
-            claim.finish({"file": path.name, "media_type": "text/csv"}, [Made(path, "text/csv")])
+            kind = MEDIA_TYPES[path.suffix]
+            claim.finish({"file": path.name, "media_type": kind}, [Made(path, kind)])
         else:
             claim.finish({"kind": claim.job.kind, "asked": asked, **ANSWERS[claim.job.kind]})
 
-    def _fit(self, claim: Claim) -> None:
-        claim.beat({"stage": "fit", "done": 0, "total": 1, "label": "ggx"})
+    def _wait(self, claim: Claim) -> None:
+        kind = claim.job.kind
+        claim.beat({"stage": kind, "done": 0, "total": 1, "label": "ggx"})
         while self.held.is_set() and not self._end.is_set():
             if claim.beat():
                 claim.stop()
@@ -125,13 +131,19 @@ class FakeWorker:
             self._end.wait(0.005)
         if self._end.is_set():
             return
-        claim.finish({"best": "ggx", "verdict": "ggx is enough.", "converged": None}, _made(claim))
+        if claim.job.request["name"] == FAILS:
+            claim.fail({"slug": "invalid-measurement", "detail": "it has no lobe"})
+        elif kind == "chart":
+            claim.finish({"answer": "take ggx", "finding": "it is fast"}, _made(claim, "chart"))
+        else:
+            result = {"best": "ggx", "verdict": "ggx is enough.", "converged": None}
+            claim.finish(result, _made(claim, "report", "fit"))
 
 
-def _made(claim: Claim) -> list[Made]:
-    report = claim.folder / "report.json"
+def _made(claim: Claim, document: str, shown: str = "chart") -> list[Made]:
+    report = claim.folder / f"{document}.json"
     report.write_text('{"schema": 1, "best": "ggx"}\n')
-    picture = claim.folder / "fit.png"
+    picture = claim.folder / f"{shown}.png"
     picture.write_bytes(bytes(range(256)) * 40)
     return [Made(report, "application/json"), Made(picture, "image/png")]
 
@@ -158,14 +170,14 @@ class Service:
         found: str = answer.json()["id"]
         return found
 
-    def wait(self, id: str, state: str = "done") -> dict[str, Any]:
-        """Poll until the fit is in a state."""
+    def wait(self, id: str, state: str = "done", path: str = "/v1/fits") -> dict[str, Any]:
+        """Poll until a fit, a chart or a batch is in a state."""
         for _ in range(1000):
-            fit: dict[str, Any] = self.client.get(f"/v1/fits/{id}").json()
-            if fit["state"] == state:
-                return fit
+            found: dict[str, Any] = self.client.get(f"{path}/{id}").json()
+            if found["state"] == state:
+                return found
             threading.Event().wait(0.005)
-        raise AssertionError(f"the fit is {fit['state']}, not {state}")
+        raise AssertionError(f"it is {found['state']}, not {state}")
 
 
 @contextmanager

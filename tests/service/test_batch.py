@@ -66,6 +66,10 @@ def test_bad_input_is_status_2(place: Path, tmp_path: Path) -> None:
     ):
         result = call(*arguments)
         assert result.exit_code == 2, result.output
+    assert (
+        "none*.csv: matches no file"
+        in call("batch", place / "none*.csv", "--out", tmp_path / "out").stderr
+    )
 
 
 def test_texels_are_fitted_to_maps(tmp_path: Path) -> None:
@@ -75,13 +79,24 @@ def test_texels_are_fitted_to_maps(tmp_path: Path) -> None:
     values[3] = np.nan
     np.save(tmp_path / "readings.npy", values)
     np.save(tmp_path / "angles.npy", angles)
+    for wrong, said in (
+        (("angles.npy", "--image", "5x4"), "12 texels are no picture of 5 x 4"),
+        (("degrees.npy", "--image", "3x4"), "convert degrees"),
+    ):
+        np.save(tmp_path / "degrees.npy", np.degrees(angles))
+        refused = call(
+            "texels", tmp_path / "readings.npy", "--out", tmp_path / "out",
+            "--directions", tmp_path / wrong[0], *wrong[1:],
+        )  # fmt: skip
+        assert (refused.exit_code, said in refused.stderr) == (2, True), refused.output
+        assert not (tmp_path / "out").exists()  # before anything is fitted
     result = call(
         "texels", tmp_path / "readings.npy", "--out", tmp_path / "out", "--jobs", 1,
         "--models", "lambert", "--directions", tmp_path / "angles.npy", "--image", "3x4",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    assert "12 texels" in result.stdout
-    assert "failed: too_few: 1" in result.stdout
+    assert "11 of 12 texels fitted; see *.npy and maps.exr in" in result.stdout
+    assert "no result, too few readings: 1" in result.stdout
     assert (tmp_path / "out" / "maps.exr").is_file()
     assert np.load(tmp_path / "out" / "model.npy").tolist() == [0, 0, 0, -1, *8 * [0]]
 

@@ -118,7 +118,7 @@ def test_fit_writes_its_files_and_the_digest_of_what_it_read(
     fitted: subprocess.CompletedProcess[str], folder: Path
 ) -> None:
     names = {path.name for path in (folder / "out").iterdir()}
-    assert names == {"report.json", "fit.png", "lobes.exr", "samples.csv"}
+    assert names == {"report.json", "fit.png", "lobes.exr", "albedo.exr", "samples.csv"}
     digest = subprocess.run(
         ["sha256sum", "sample.csv"], cwd=folder, capture_output=True, text=True, check=True
     )

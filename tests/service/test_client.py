@@ -18,19 +18,10 @@ import pytest
 from lobefit.fitting import Measurement
 from lobefit.kernels import FitError, MeasurementError, ModelError
 from lobefit.service import AsyncClient, Client, ServiceError
-from lobefit.service.client import Fit
-from tests.service.clients import CSV, awaited, blocking
-from tests.service.fake_service import FakeService, problem
-
-
-@pytest.fixture
-def service() -> FakeService:
-    return FakeService()
-
-
-@pytest.fixture(params=[blocking, awaited], ids=["Client", "AsyncClient"])
-def client(request: pytest.FixtureRequest, service: FakeService) -> Any:
-    return request.param(httpx2.MockTransport(service))
+from lobefit.service.client import Batch, Chart, Fit
+from tests.service.clients import CSV, blocking
+from tests.service.fake_network import problem
+from tests.service.fake_service import FakeService
 
 
 def test_from_a_file_to_the_report(client: Any, service: FakeService, tmp_path: Path) -> None:
@@ -229,10 +220,11 @@ def test_the_progress_is_a_line_on_a_terminal(
 
 
 def test_methods_say_what_they_do() -> None:
-    for kind in (Client, AsyncClient):
+    for kind in (Client, AsyncClient, Fit, Chart, Batch):
         for name in dir(kind):
             if not name.startswith("_") and callable(getattr(kind, name)):
                 assert inspect.getdoc(getattr(kind, name)), name
+    for kind in (Client, AsyncClient):
         assert list(inspect.signature(kind.upload).parameters) == ["self", "source", "name"]
         assert "Seconds without a byte" in (kind.__doc__ or "")
     assert inspect.iscoroutinefunction(AsyncClient.aclose)

@@ -14,12 +14,10 @@ import pytest
 from lobefit.service import Client, ServiceError
 from lobefit.service.client import Fit, Retries
 from tests.service.clients import CSV, Kind, blocking, both
-from tests.service.fake_service import FakeService, Faulty, Pieces, problem
+from tests.service.fake_network import Faulty, Pieces, problem
+from tests.service.fake_service import FakeService
 
-
-@pytest.fixture
-def service() -> FakeService:
-    return FakeService()
+pytestmark = pytest.mark.usefixtures("quick_polls")
 
 
 def everything(client: Any, folder: Path) -> list[Any]:
@@ -32,7 +30,12 @@ def everything(client: Any, folder: Path) -> list[Any]:
     removed = client.fit(CSV, name="slow two")
     client.delete(removed)
     files = client.download(first, folder)
+    chart = client.chart(stored, name="chart", wait=True, progress=False)
+    batch = client.batch([CSV, {"measurement": CSV, "name": "bad"}], wait=True, progress=False)
     return [
+        chart,
+        batch,
+        client.fits(batch=batch),
         stored,
         first,
         done,
@@ -59,7 +62,7 @@ def test_faults_change_nothing(client_of: Kind, tmp_path: Path) -> None:
         network = Faulty(service, seed, share=0.4)
         found = everything(client_of(network), tmp_path / str(seed))
         assert found == clean, f"seed {seed}"
-        assert len(service.keys) == 4, "a fit was submitted twice"
+        assert len(service.keys) == 6, "something was submitted twice"
         assert len(service.measurements) == 1
         assert not list((tmp_path / str(seed)).glob(".*")), "a part was left"
         for kind in met:
@@ -93,10 +96,7 @@ def test_a_wait_resumes_where_the_stream_broke(client_of: Kind, service: FakeSer
 
 
 @both
-def test_a_wait_without_events_asks_again_and_again(
-    client_of: Kind, service: FakeService, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("lobefit.service.client.watching.FIRST_POLL", 1e-4)
+def test_a_wait_without_events_asks_again_and_again(client_of: Kind, service: FakeService) -> None:
     honest = service.fit
 
     def without(request: httpx2.Request, method: str, id: str, rest: list[str]) -> httpx2.Response:

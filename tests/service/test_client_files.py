@@ -11,18 +11,8 @@ import pytest
 from lobefit.kernels import FitError, LobefitError
 from lobefit.service import ServiceError
 from lobefit.service.client import Retries
-from tests.service.clients import CSV, awaited, blocking
+from tests.service.clients import CSV, blocking
 from tests.service.fake_service import FakeService
-
-
-@pytest.fixture
-def service() -> FakeService:
-    return FakeService()
-
-
-@pytest.fixture(params=[blocking, awaited], ids=["Client", "AsyncClient"])
-def client(request: pytest.FixtureRequest, service: FakeService) -> Any:
-    return request.param(httpx2.MockTransport(service))
 
 
 def test_a_download_is_whole_or_not_there(

@@ -14,7 +14,7 @@ from lobefit.fitting import fit, read_measurement
 from lobefit.kernels import FitError, MeasurementError, ModelError, evaluate
 from lobefit.service import AsyncClient, Client, ServiceError
 from lobefit.service.client import Fit, Retries, Values
-from tests.service.fake_service import Faulty
+from tests.service.fake_network import Faulty
 
 SAMPLE = Path(__file__).parents[2] / "samples" / "noisy_few_angles.csv"
 
@@ -112,6 +112,29 @@ def test_many_at_once_with_await(url: str) -> None:
 
     found = [v.values[0][0] for v in asyncio.run(values())]
     assert found == pytest.approx([0.1 / math.pi, 0.2 / math.pi, 0.3 / math.pi], rel=1e-6)
+
+
+def test_a_batch_and_a_chart(url: str, tmp_path: Path) -> None:
+    flat = {"model": "lambert", "params": {"k_d": 0.3}, "geometry": "in-plane step=15"}
+    with Client(url) as client:
+        other = {"measurement": SAMPLE, "models": "ggx", "name": "other"}
+        batch = client.batch([SAMPLE, other], "lambert", wait=True)
+        assert batch.counts["done"] == 2 and batch.ended is not None
+        assert [f.best for f in batch.fits()] == ["lambert", "ggx"]
+        assert [(r["name"], r["model"]) for r in batch.table()] == [
+            (SAMPLE.name, "lambert"),
+            ("other", "ggx"),
+        ]
+        assert {r["parameter"] for r in batch.parameters()} >= {"k_d", "alpha"}
+        assert batch.save(tmp_path)["summary.png"].read_bytes().startswith(b"\x89PNG")
+        batch.delete()
+        long = client.batch([SAMPLE] * 3, "ggx", posterior={"steps": 1_000_000})
+        assert long.cancel().counts["cancelled"] == 3
+        long.delete()
+        chart = client.chart(flat, "lambert", groups=["fit"], repeats=1, wait=True)
+        assert chart.answer and chart.result and chart.result["answer"] == chart.answer
+        assert set(chart.save(tmp_path)) == {"chart.json", "chart.png"}
+        chart.delete()
 
 
 def test_refusals_are_the_errors_of_the_local_api(url: str) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import gzip
 import json
+import re
 import zlib
 from collections.abc import Iterator
 from typing import Any
@@ -29,6 +30,10 @@ def form(name: str, text: bytes, head: bytes = b"") -> bytes:
 
 def fit(**more: Any) -> bytes:
     return json.dumps({"measurement": ID, **more}).encode()
+
+
+def batch(items: Any) -> bytes:
+    return json.dumps({"items": items}).encode()
 
 
 JSON_BODIES: dict[str, bytes] = {
@@ -103,6 +108,20 @@ JSON_BODIES: dict[str, bytes] = {
     "posterior without end": fit(posterior={"steps": 10**18}),
     "denormal": fit(tolerance=5e-324),
     "minus zero": fit(max_theta_deg=-0.0),
+    "items as object": batch({"a": 1}),
+    "no items": batch([]),
+    "too many items": batch([{}] * 1001),
+    "items without a measurement": batch([{"name": "x"}] * 1000),
+    "items in items": batch([{"measurement": ID, "items": [{"measurement": ID}]}]),
+    "unknown measurements": batch([{"measurement": ID}] * 1000),
+    "unknown models everywhere": batch([{"measurement": ID, "models": ["gg"] * 64}] * 1000),
+    "truth as text": json.dumps({"truth": "ggx"}).encode(),
+    "both": fit(truth={"model": "ggx"}),
+    "truth of a huge geometry": json.dumps(
+        {"truth": {"model": "ggx", "geometry": "in-plane step=1e-300"}}
+    ).encode(),
+    "endless repeats": fit(repeats=10**18),
+    "unknown groups": fit(groups=["fit"] * 3 + ["x"]),
     "wrong lengths": json.dumps(
         {
             "model": "ggx",
@@ -174,6 +193,20 @@ OPERATIONS = [
     ("GET", "/v1/fits/none/sphere"),
     ("GET", "/v1/fits/none/artefacts/report.json"),
     ("GET", "/v1/fits/none/artefacts.zip"),
+    ("POST", "/v1/charts"),
+    ("GET", "/v1/charts"),
+    ("GET", "/v1/charts/none"),
+    ("DELETE", "/v1/charts/none"),
+    ("GET", "/v1/charts/none/events"),
+    ("GET", "/v1/charts/none/artefacts/chart.json"),
+    ("GET", "/v1/charts/none/artefacts.zip"),
+    ("POST", "/v1/batches"),
+    ("GET", "/v1/batches"),
+    ("GET", "/v1/batches/none"),
+    ("DELETE", "/v1/batches/none"),
+    ("GET", "/v1/batches/none/table.csv"),
+    ("GET", "/v1/batches/none/parameters.csv"),
+    ("GET", "/v1/batches/none/summary.png"),
     ("GET", "/v1/models"),
     ("GET", "/v1/models/ggx"),
     ("POST", "/v1/evaluate"),
@@ -203,8 +236,20 @@ def check(running: Service, method: str, path: str, kind: str, body: bytes) -> N
         assert answer.json()["detail"]
 
 
-def test_the_corpus_is_large() -> None:
+def test_the_corpus_is_large_and_meets_every_operation(running: Service) -> None:
     assert len(JSON_BODIES) + len(OTHER_BODIES) >= 100
+    document = running.client.get("/openapi.json").json()
+    left = [
+        (method, path)
+        for path, methods in document["paths"].items()
+        for method in methods
+        if not any(
+            method.upper() == m
+            and re.fullmatch(re.sub(r"{\w+}", "[^/]+", path), p.partition("?")[0])
+            for m, p in OPERATIONS
+        )
+    ]
+    assert left == []
 
 
 @pytest.mark.parametrize("name", JSON_BODIES)
@@ -268,6 +313,7 @@ def test_bodies_where_none_belongs(running: Service, method: str, path: str) -> 
         "state=%00",
         "measurement=%F0%9F",
         "max_points=1e400",
+        "batch=%00",
         "model=%00",
         "model=" + "x" * 5000,
         "a" * 8000,

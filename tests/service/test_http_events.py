@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import time
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 from lobefit.service.events import event_stream
+from lobefit.service.rows import StoreError
 from lobefit.service.settings import Settings
 from lobefit.service.state import Shared
 from lobefit.service.store import Store
@@ -142,3 +144,24 @@ def test_one_poller_wakes_everybody_and_rests(tmp_path: Any) -> None:
 
     asyncio.run(scene())
     store.close()
+
+
+def test_a_store_that_cannot_be_read_wakes_who_waits(tmp_path: Any) -> None:
+    store = Store(tmp_path)
+    watch = Watch(store, 0.005)
+    unheard: list[dict[str, Any]] = []
+
+    async def scene() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, said: unheard.append(said))
+        waiting = asyncio.create_task(watch.changed(watch.version(), 5.0))
+        await asyncio.sleep(0.02)
+        store.close()
+        assert await waiting
+        # The next look is theirs, and says what is wrong.
+        with pytest.raises(StoreError, match="the store is closed"):
+            watch.version()
+        watch._poller = None
+        gc.collect()
+
+    asyncio.run(scene())
+    assert not unheard

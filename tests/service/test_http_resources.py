@@ -136,6 +136,7 @@ def test_a_fit_goes_from_the_queue_to_its_report(running: Service) -> None:
         "seed": 0,
         "name": None,
     }
+    assert fit["batch"] is None
     done = running.wait(fit["id"])
     assert done["best"] == "ggx"
     assert done["result"] == {"schema": 1, "best": "ggx"}

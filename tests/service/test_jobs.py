@@ -12,7 +12,8 @@ from lobefit.service import claim as claim_module
 from lobefit.service import database, jobs
 from lobefit.service.claim import Claim, Made
 from lobefit.service.jobs import Queue, identity, is_alive
-from lobefit.service.store import LeaseLost, Limits, NotFound, Store
+from lobefit.service.rows import LeaseLost, Limits, NotFound
+from lobefit.service.store import Store
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -206,6 +207,129 @@ def test_narrow_windows_need_no_sideways_scrolling(fitted: Visit, visit: Visit) 
         page.page.set_viewport_size({"width": 390, "height": 844})
         page.page.wait_for_timeout(300)
         assert page.wide() <= 0
+
+
+def test_a_chart_made_from_a_measurement_shows_its_front(visit: Visit) -> None:
+    page = visit.page
+    visit.upload("paint.csv", (SAMPLES / "matte_paint.csv").read_bytes())
+    page.get_by_role("button", name="Chart speed against accuracy").click()
+    page.locator("select[name=set]").select_option("chosen")
+    page.get_by_label("Names").fill("lambert")
+    page.get_by_label("Timed runs").fill("1")
+    for group in page.locator("input[name=group]").all():
+        group.uncheck()
+    page.get_by_role("button", name="Make the chart").click()
+    page.locator(".front").wait_for(timeout=FIT_MS)
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="chart.json").click()
+    chart = json.loads(waiting.value.path().read_text(encoding="utf-8"))
+    assert page.locator(".said").inner_text() == chart["answer"]
+    assert page.locator(".finding").all_inner_texts() == [p["finding"] for p in chart["panels"]]
+    front = chart["panels"][0]["front"]
+    assert page.locator(".front th[scope=row]").all_inner_texts() == front
+    # The fastest choice is the first that the keys reach, and its settings are told.
+    page.get_by_role("img", name="How to fit").focus()
+    page.keyboard.press("Home")
+    fastest = min(chart["panels"][0]["points"], key=lambda p: p["seconds"]["median"])
+    assert page.locator(".tip strong").inner_text() == fastest["label"]
+    assert f"metric\n{fastest['settings']['metric']}" in page.locator(".tip").inner_text()
+    page.keyboard.press("Escape")
+    assert not page.locator(".tip").is_visible()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_timeout(300)
+    assert visit.wide() <= 0
+    page.get_by_role("link", name="Charts").click()
+    page.get_by_role("link", name="paint.csv").wait_for()
+    assert visit.errors == []
+
+
+def test_several_files_become_a_batch(visit: Visit) -> None:
+    page = visit.page
+    page.get_by_label("Several at once").select_option("quick")
+    names = {"copper.csv": "rough_copper.csv", "paint.csv": "matte_paint.csv"}
+    files = {name: (SAMPLES / sample).read_text("utf-8") for name, sample in names.items()}
+    dropped = page.evaluate_handle(
+        """(files) => { const data = new DataTransfer();
+        for (const [name, text] of Object.entries(files)) data.items.add(new File([text], name));
+        return data; }""",
+        {**files, "leaf.csv": BAD},
+    )
+    page.dispatch_event(".drop", "drop", {"dataTransfer": dropped})
+    page.get_by_role("heading", name="copper.csv and 1 other").wait_for()
+    unread = page.get_by_role("region", name="1 file could not be read").inner_text()
+    for words in ("leaf.csv", "Row\n4", "Column\ntheta_o", "a number"):
+        assert words in unread
+    page.get_by_text("All have ended: 2 fits.").wait_for(timeout=FIT_MS)
+    rows = page.locator(".batch tbody tr").all_inner_texts()
+    assert [row.split()[:2] for row in rows] == [["copper.csv", "done"], ["paint.csv", "done"]]
+    assert "ggx:k_s=1 describes this surface to within its noise" in rows[0]
+    page.get_by_role("img", name="The batch").wait_for()
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name="table.csv").click()
+    table = waiting.value.path().read_text(encoding="utf-8").splitlines()
+    assert [line.split(",")[0] for line in table] == ["name", *names]
+    page.get_by_role("link", name="paint.csv").click()
+    page.locator(".verdict").wait_for()
+    page.get_by_role("link", name="Its batch").click()
+    page.get_by_role("region", name="Files and their fits").wait_for()
+
+
+def drop(page: Any, names: list[str]) -> None:
+    script = """(names) => { const data = new DataTransfer();
+        for (const name of names) data.items.add(new File(["x"], name));
+        return data; }"""
+    page.dispatch_event(".drop", "drop", {"dataTransfer": page.evaluate_handle(script, names)})
+
+
+def test_files_of_any_name_become_a_batch(visit: Visit) -> None:
+    page, sent = visit.page, []
+    page.route("**/v1/measurements?*", lambda r: r.fulfill(status=201, json={"id": "0" * 64}))
+
+    def batches(route: Any) -> None:
+        sent.append(route.request.post_data_json)
+        route.fulfill(status=202, json={"id": "none"})
+
+    page.route("**/v1/batches", batches)
+    drop(page, ["\U0001f33f" * 250 + ".csv", "a\tb.csv"])
+    page.get_by_role("alert").wait_for()  # there is no such batch
+    names = [sent[0]["name"], *(item["name"] for item in sent[0]["items"])]
+    assert names[0].endswith(" and 1 other") and names[2] == "a?b.csv"
+    assert max(map(len, names)) <= 200
+
+
+def test_a_busy_service_is_not_taken_for_files_that_cannot_be_read(visit: Visit) -> None:
+    page, sent = visit.page, []
+
+    def upload(route: Any) -> None:
+        sent.append(route.request.url)
+        if len(sent) > 1:
+            route.fulfill(status=503, json={"title": "The queue is full", "status": 503})
+        else:
+            route.fulfill(status=201, json={"id": "0" * 64})
+
+    page.route("**/v1/measurements?*", upload)
+    page.route("**/v1/batches", lambda route: sent.append("batch"))
+    drop(page, [f"{k}.csv" for k in range(40)])
+    page.get_by_role("alert").get_by_text("The queue is full").wait_for()
+    page.wait_for_timeout(200)
+    assert page.get_by_role("alert").is_visible()
+    assert "batch" not in sent and len(sent) < 8
+
+
+@pytest.mark.parametrize(("position", "said"), [(1, "Next in line"), (3, "2 other jobs before")])
+def test_a_fit_that_waits_says_how_many_go_before(visit: Visit, position: int, said: str) -> None:
+    job: dict[str, Any] = {
+        "id": "q",
+        "name": None,
+        "measurement": None,
+        "state": "queued",
+        "request": {},
+    }
+    job |= {"position": position, "artefacts": [], "created": "2026-01-01T00:00:00Z"}
+    visit.page.route("**/v1/fits/q", lambda route: route.fulfill(json=job))
+    visit.page.route("**/v1/fits/q/events", lambda route: route.fulfill(body=": nothing yet\n\n"))
+    visit.page.evaluate("window.location.hash = '#/fits/q'")
+    visit.page.get_by_text(said).wait_for()
 
 
 def test_bad_input_is_shown_at_its_row_and_column(visit: Visit) -> None:

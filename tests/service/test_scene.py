@@ -45,8 +45,8 @@ def test_words_and_files(folder: Path, tmp_path: Path) -> None:
     first = " ".join(result.stdout.splitlines()[:3])
     assert first.startswith("lambert with ") and "is enough" in first
     assert "Reference: Readings" in result.stdout
-    assert "ms/frame (quartiles)" in result.stdout
-    assert "a tie goes to the simpler shading" in " ".join(result.stdout.split())
+    assert "ms/frame, median (quartiles)" in result.stdout
+    assert "of the same cost the simplest is chosen" in " ".join(result.stdout.split())
     assert f"Written to {tmp_path / 'out'}: scene.png, beauty.png, " in result.stdout
     assert (tmp_path / "out" / "scene.png").read_bytes().startswith(b"\x89PNG")
 

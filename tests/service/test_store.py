@@ -10,23 +10,25 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from lobefit.service import files
-from lobefit.service.database import Database
-from lobefit.service.store import (
+from lobefit.service.database import LAYOUTS, Database
+from lobefit.service.jobs import Queue
+from lobefit.service.rows import (
     InUse,
     KeyConflict,
     Limits,
     MeasurementRow,
     NotFound,
     QueueFull,
-    Store,
     StoreError,
     StoreFull,
 )
+from lobefit.service.store import Store
 
 
 @pytest.fixture
@@ -251,6 +253,43 @@ def test_a_folder_that_cannot_be_used_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(StoreError, match="file"):
         Store(tmp_path / "file")
+
+
+def test_a_folder_of_the_first_layout_goes_on_working(tmp_path: Path) -> None:
+    path = tmp_path / "store.sqlite"
+    with closing(sqlite3.connect(path, isolation_level=None)) as old:
+        old.executescript(LAYOUTS[0] + "PRAGMA user_version = 1")
+        digest = hashlib.sha256(b"fit\nNone\n{}").hexdigest()
+        old.execute("INSERT INTO measurements VALUES (1, 'm', 'a.csv', 1, 1.0, '{}')")
+        for seq, (id, state) in enumerate((("done-1", "done"), ("waits-2", "queued")), 1):
+            old.execute(
+                "INSERT INTO jobs (seq, id, kind, state, request, owner, rank, created)"
+                " VALUES (?, ?, 'fit', ?, '{}', '', ?, 1.0)",
+                (seq, id, state, seq),
+            )
+            old.execute("INSERT INTO events (job, type, data) VALUES (?, 'state', '{}')", (id,))
+        old.execute("INSERT INTO artefacts VALUES ('done-1', 'report.json', 1, 2, '', '')")
+        old.execute("INSERT INTO keys VALUES ('', 'k', 'done-1', ?)", (digest,))
+    for _ in range(2):  # brought to the layout of today once
+        with closing(Store(tmp_path)) as store:
+            assert [(j.id, j.batch) for j in store.jobs(9)[0]] == [
+                ("waits-2", None),
+                ("done-1", None),
+            ]
+            assert store.measurement("m").name == "a.csv" and store.batches(9) == ([], None)
+            known, new = store.submit("fit", {}, key="k")
+            assert (known.id, new) == ("done-1", False)
+            assert [a.name for a in store.artefacts("done-1")] == ["report.json"]
+    with closing(Store(tmp_path)) as store, closing(Queue(store, "w:1:0", ["fit"])) as queue:
+        claim = queue.claim()
+        assert claim is not None and claim.job.id == "waits-2"
+        claim.finish(None)
+        store.delete_job("done-1")
+        assert store.artefacts("done-1") == [] and store.events("done-1", 0) == []
+        assert store.submit("fit", {}, key="k")[1], "the key went with its job"
+        batch, _ = store.submit_batch("b", [{"measurement": None}])
+        assert batch.counts["queued"] == 1
+        assert store.database.read("PRAGMA foreign_key_check") == []
 
 
 def test_another_layout_is_refused(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ from lobefit.kernels import evaluate, models
 from lobefit.kernels.errors import LobefitError
 from lobefit.service.claim import Claim
 from lobefit.service.jobs import Queue, identity
-from lobefit.service.rows import JobRow
-from lobefit.service.store import NotFound, Store
+from lobefit.service.rows import JobRow, NotFound
+from lobefit.service.store import Store
 from lobefit.service.task import Refused, Stopped, Task, problem_of
 from lobefit.service.work import KINDS, work_of
 from lobefit.service.work import fit as work_fit
@@ -108,6 +108,7 @@ def test_a_fit_has_its_report_samples_and_pictures(bench: Bench, fit: JobRow) ->
     assert fit.result["best"] == "ggx" and fit.result["converged"] is None
     kinds = {a.name: a.media_type for a in bench.store.artefacts(fit.id)}
     assert kinds == {
+        "albedo.exr": "image/x-exr",
         "fit.png": "image/png",
         "lobes.exr": "image/x-exr",
         "report.json": "application/json",

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from lobefit.service.rows import JobRow
-from lobefit.service.store import Limits, Store, StoreError
+from lobefit.service.rows import JobRow, Limits, StoreError
+from lobefit.service.store import Store
 from lobefit.service.supervisor import Supervisor
 from tests.service.fakes import COMMAND, start_worker, until, wait_for
 
@@ -129,10 +129,10 @@ def test_a_worker_that_is_stopped_gives_its_job_back(store: Store, start: Start)
 
 def test_a_killed_workers_job_is_done_by_another(store: Store, start: Start) -> None:
     one = start("one")
-    job, _ = store.submit("fit", {"steps": 50})
+    job, _ = store.submit("fit", {"steps": 100})
     until(lambda: store.job(job.id).state == "running")
+    one.kill()  # first of all: the job lasts a second, and a process may take as long to start
     start("two")
-    one.kill()
     began = time.monotonic()
     until(lambda: len(begun(store)) == 2)
     assert time.monotonic() - began < LIMITS.lease + 2.0
