@@ -61,10 +61,8 @@ def draw_batch(rows: Rows) -> Figure:
     FigureCanvasAgg(figure)
     failed = sum(_has_failed(row) for row in rows)
     ended = sum(not row.get("model") and row.get("status") == "cancelled" for row in rows)
-    poor = sum(row.get("described") is False for row in rows)
     figure.suptitle(
-        f"{len(rows)} items: {len(rows) - failed - ended} fitted, {poor} of them not described by "
-        f"any model, {failed} failed" + (f", {ended} cancelled" if ended else ""),
+        _title(rows, failed, ended),
         fontsize=9,
         color=DARK,
         x=0.01,
@@ -84,6 +82,15 @@ def draw_batch(rows: Rows) -> Figure:
     for ax in (middle, right):
         ax.tick_params(axis="y", left=False, labelleft=False)
     return figure
+
+
+def _title(rows: Rows, failed: int, cancelled: int) -> str:
+    fitted = len(rows) - failed - cancelled
+    poor = sum(row.get("described") is False for row in rows)
+    said = [f"{fitted} fitted" + (f" ({poor} of them described by no model)" if poor else "")]
+    said += [f"{failed} failed"] if failed else []
+    said += [f"{cancelled} cancelled"] if cancelled else []
+    return f"{len(rows)} item{'s' * (len(rows) != 1)}: {', '.join(said)}"
 
 
 def _short(text: str, most: int = LONGEST) -> str:
@@ -132,17 +139,16 @@ def _draw_models(ax: Axes, rows: Rows, models: list[str], chosen: Counter[str]) 
 
 
 def _draw_errors(ax: Axes, rows: Rows) -> None:
-    """Draw how far readings are from the model, as a factor: 10 to the rms of log10."""
+    """Draw how far a typical reading is from the model, relatively."""
     ax.set_xscale("log")
-    errors = [row["log10_rms"] for row in rows if row.get("log10_rms")]
-    shown = [100.0 * (10.0**e - 1.0) for e in errors] or [1.0]
+    shown = [100.0 * row["typical_error"] for row in rows if row.get("typical_error")] or [1.0]
     # Whole decades, so that at least two ticks say what they are.
     low, high = np.floor(np.log10(min(shown))), np.floor(np.log10(max(shown))) + 1.0
     ax.set_xlim(10.0**low, 10.0**high)
     marked = []
     named = set(_named(rows))
     for k, row in enumerate(rows):
-        error = row.get("log10_rms")
+        error = row.get("typical_error")
         if row.get("reason"):
             if k not in named:
                 continue
@@ -158,7 +164,7 @@ def _draw_errors(ax: Axes, rows: Rows) -> None:
                 clip_on=False,
             )
         elif error is not None and error > 0.0:
-            marked.append((100.0 * (10.0**error - 1.0), k, _colour(row)))
+            marked.append((100.0 * error, k, _colour(row)))
     _mark(ax, marked, marker="o", ms=4)
     ax.xaxis.set_minor_formatter("")
     ax.xaxis.set_major_formatter(lambda value, _: f"{value:g} %")

@@ -19,6 +19,7 @@ ITEM_COLUMNS: Mapping[str, type] = {
     "status": str,
     "model": str,
     "described": bool,
+    "typical_error": float,
     "log10_rms": float,
     "rmse": float,
     "reduced_chi_square": float,
@@ -33,7 +34,8 @@ ITEM_COLUMNS: Mapping[str, type] = {
     "verdict": str,
     "reason": str,
 }
-"""Columns of ``table.csv``; rmse in 1/sr, log10_rms in decades, both of the best model."""
+"""Columns of ``table.csv``; rmse in 1/sr, log10_rms in decades, typical_error relative, all of the
+best model."""
 PARAMETER_COLUMNS: Mapping[str, type] = {
     "name": str,
     "model": str,
@@ -70,6 +72,7 @@ def item_row(report: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "model": best["candidate"],
         "described": report["described"],
+        "typical_error": _typical_error(diagnostics["decades"]),
         "log10_rms": diagnostics["log10_rms"],
         "rmse": best["rmse"],
         "reduced_chi_square": diagnostics["reduced_chi_square"],
@@ -87,6 +90,19 @@ def item_row(report: Mapping[str, Any]) -> dict[str, Any]:
             for e in best["estimates"]
         ],
     }
+
+
+def _typical_error(decades: Sequence[Mapping[str, Any]]) -> float | None:
+    """Give the relative error (rms) of readings of the median's decade.
+
+    Of all readings it would be the error of the darkest ones, which may be noise alone.
+    """
+    left = sum(d["count"] for d in decades) / 2.0
+    for d in decades:
+        left -= d["count"]
+        if left <= 0.0:
+            return float(d["rms_relative"])
+    return None
 
 
 def table_makers(rows: Rows) -> dict[str, Callable[[Path], object]]:

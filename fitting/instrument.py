@@ -82,8 +82,8 @@ class Instrument:
             raise FitError(f"reading is 'flux' or 'radiance', not {self.reading!r}")
         if self.reading == "radiance" and not (self.bends or self.veil):
             raise FitError(
-                "a reading of radiance changes nothing by itself: it goes with a tilt, a veil or "
-                "an aperture"
+                "a reading of radiance changes nothing by itself; give a tilt, a veil or an aperture "
+                "too"
             )
 
     @property

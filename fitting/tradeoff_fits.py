@@ -167,7 +167,7 @@ def variations(base: FitChoice) -> Iterator[FitChoice]:
         if how.run(len(chosen.shared)) != usual:
             yield replace(base, label=f"{name}, {algorithm}", group="algorithm", search=how)
     for tolerance in TOLERANCES:
-        label, how = f"{name}, tolerance {tolerance:g}", SearchSettings(tolerance=tolerance)
+        label, how = f"{name}, search to {tolerance:g}", SearchSettings(tolerance=tolerance)
         yield replace(base, label=label, group="tolerance", search=how)
 
 

@@ -59,6 +59,10 @@ def read_mesh(path: str | Path, *, weights: Weights = "angle") -> Mesh:
         vertices = np.asarray(loaded.vertices, dtype=np.float64)
         faces = np.asarray(loaded.faces, dtype=np.intp)
         closed = bool(loaded.is_watertight and loaded.is_winding_consistent)
+    except IndexError as error:
+        raise SceneError(
+            f"{path.name} cannot be read as a mesh: a face names a vertex that is not there ({error})"
+        ) from error
     except Exception as error:  # trimesh raises whatever its parser stumbles over
         raise SceneError(f"{path.name} cannot be read as a mesh: {error}") from error
     if len(faces) > MOST_FACES:

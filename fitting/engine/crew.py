@@ -25,6 +25,9 @@ Fate = Literal["died", "lost", "broken"]
 # Sums that BLAS shares among threads depend on their number in the last digit; Dask gives its
 # workers one, and so do we.
 BLAS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# loky takes a worker that has grown by 300 MB for one that leaks, and says so to the user; large
+# files grow it by more than that.
+LEAK, ENOUGH_MEMORY = "LOKY_MAX_MEMORY_LEAK_SIZE", "2e9"
 # Seconds that a scheduler may take to answer.
 ANSWER = 5.0
 
@@ -91,9 +94,8 @@ def pool_of(kind: str, jobs: int) -> Executor:
         return ProcessPoolExecutor(jobs, fresh, initializer=prepare, initargs=told)
     import loky
 
-    pool: Executor = loky.ProcessPoolExecutor(
-        jobs, initializer=prepare, initargs=told, env=dict.fromkeys(BLAS, "1")
-    )
+    own = {**dict.fromkeys(BLAS, "1"), LEAK: os.environ.get(LEAK, ENOUGH_MEMORY)}
+    pool: Executor = loky.ProcessPoolExecutor(jobs, initializer=prepare, initargs=told, env=own)
     return pool
 
 

@@ -15,6 +15,7 @@ from benchmarks.batch_same import files_of
 from lobefit.fitting import fit, fit_many, read_measurement, simulate, write_measurement
 from lobefit.fitting.batch import Batch
 from lobefit.fitting.batch_figure import draw_batch
+from lobefit.fitting.batch_table import item_row
 from lobefit.fitting.engine import Ledger, Status
 from lobefit.fitting.texel_batch import fit_texel_file
 from lobefit.fitting.texel_result import Reason
@@ -73,14 +74,28 @@ def test_the_table_says_who_was_fitted_by_what(here: Batch) -> None:
         rows = {row["name"]: row for row in csv.DictReader(stream)}
     assert rows["red"]["model"] == "lambert"
     assert rows["broken"]["status"] == "failed"
+    assert rows["broken"]["typical_error"] == ""
     with (here.folder / "parameters.csv").open(newline="") as stream:
         values = {row["name"]: float(row["value"]) for row in csv.DictReader(stream)}
     assert values == pytest.approx({"red": 0.2, "green": 0.3, "blue": 0.4}, rel=0.02)
     assert (here.folder / "summary.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_typical_error_is_that_of_the_median_not_of_the_dark(here: Batch) -> None:
+    report = json.loads(here.report("red").read_text())
+    decade = report["results"][0]["diagnostics"]["decades"][0]
+    report["results"][0]["diagnostics"]["decades"] = [
+        {**decade, "count": 5, "rms_relative": 250.0},
+        {**decade, "count": 3, "rms_relative": 0.03},
+        {**decade, "count": 3, "rms_relative": 0.02},
+    ]
+    assert item_row(report)["typical_error"] == 0.03
+    report["results"][0]["diagnostics"]["decades"] = []
+    assert item_row(report)["typical_error"] is None
+
+
 def test_the_picture_tells_failures_from_what_was_cancelled() -> None:
-    fitted = {"status": "fitted", "model": "lambert", "log10_rms": 0.01, "seconds": 1.0}
+    fitted = {"status": "fitted", "model": "lambert", "typical_error": 0.01, "seconds": 1.0}
     failed = {"status": "failed", "model": None, "reason": "no rows"}
     ended = {"status": "cancelled", "model": None, "reason": "cancelled before its end"}
 

@@ -193,7 +193,7 @@ def test_a_veil_is_no_model() -> None:
         ({"aperture_deg": 90.0}, "full angle"),
         ({"reading": "brdf"}, "'flux' or 'radiance'"),
         ({"reading": "radiance"}, "changes nothing by itself"),
-        ({"reading": "radiance", "gain": 0.1}, "goes with a tilt, a veil or an aperture"),
+        ({"reading": "radiance", "gain": 0.1}, "give a tilt, a veil or an aperture"),
     ],
 )
 def test_instruments_that_do_not_exist(wrong: dict[str, float], said: str) -> None:

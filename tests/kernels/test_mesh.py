@@ -178,19 +178,19 @@ def test_an_obj_file_is_the_mesh_that_was_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name, text",
+    "name, text, said",
     [
-        ("a.stl", "solid"),
-        ("a.obj", "f 1 2 3"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3"),
-        ("a.obj", "nothing"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9"),
-        ("missing.obj", None),
+        ("a.stl", "solid", "does not end in .obj"),
+        ("a.obj", "f 1 2 3", ""),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3", ""),
+        ("a.obj", "nothing", ""),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9", "a vertex that is not there"),
+        ("missing.obj", None, "cannot be read"),
     ],
 )
-def test_what_is_no_mesh_is_refused(tmp_path: Path, name: str, text: str | None) -> None:
+def test_what_is_no_mesh_is_refused(tmp_path: Path, name: str, text: str | None, said: str) -> None:
     pytest.importorskip("trimesh")
     if text is not None:
         (tmp_path / name).write_text(text, encoding="utf-8")
-    with pytest.raises(SceneError, match=name):
+    with pytest.raises(SceneError, match=f"{name}.*{said}"):
         read_mesh(tmp_path / name)
