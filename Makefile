@@ -17,7 +17,7 @@ test: .venv/dev
 
 # Statistical runs of minutes: coverage of intervals over hundreds of seeds.
 test-slow: .venv/dev
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow -n 2 --dist worksteal
 
 bench: .venv/dev
 	$(BIN)/python -m benchmarks

@@ -53,7 +53,7 @@ def answer(panel: Panel, tolerance: float, noise: float | None = None) -> str:
     least = min(p.error.median for p in panel.points)
     level = [p for p in panel.points if p.error.median <= least * (1.0 + SAME)]
     best = min(level, key=lambda p: p.seconds.median)
-    error, digits = 100.0 * best.error.median, 2
+    error, digits = 100.0 * best.error.median, 3
     while float(f"{error:.{digits}g}") <= 100.0 * tolerance and digits < 15:
         digits += 1  # 2.004 % is more than 2 %
     said = (
