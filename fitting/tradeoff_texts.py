@@ -87,6 +87,11 @@ def finding(panel: Panel, enough: float = 0.0) -> str:
     limit = max(WORSE * base.error.median, enough)
     near = [p for p in members if p.error.median <= limit and p is not base]
     quick = min(near, key=lambda p: p.seconds.median, default=None)
+    level = [p for p in near if p.error.median <= (1.0 + SAME) * base.error.median]
+    if quick is not None and level:  # what is as good may take a little longer
+        as_good = min(level, key=lambda p: p.seconds.median)
+        if as_good.seconds.median <= WORTH * quick.seconds.median:
+            quick = as_good
     apart = quick is not None and quick.seconds.high < base.seconds.low
     if quick is not None and apart and base.seconds.median > WORTH * quick.seconds.median:
         return _faster(quick, base, panel.percent)

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Response
 
-from lobefit.service.answers import job_resource
 from lobefit.service.catalogue import check_models
 from lobefit.service.problems import Problem
 from lobefit.service.resources import Chart, ChartPage
@@ -19,9 +18,8 @@ from lobefit.service.routes.common import (
     check_measurements,
     problems,
     router,
-    submitted,
 )
-from lobefit.service.routes.waiting import listed, waiting_routes
+from lobefit.service.routes.waiting import enqueued, listed, waiting_routes
 from lobefit.service.rows import CHART, State
 from lobefit.service.schemas import ChartRequest
 from lobefit.service.state import SharedState, owner
@@ -69,15 +67,7 @@ async def submit(
         names.append((body.truth.model, ("truth", "model")))
         options.append((body.truth.options, ("truth", "options")))
     check_models(await shared.catalogue(), names, options)
-    row, new = await shared.write(
-        shared.store.submit,
-        CHART,
-        body.model_dump(mode="json"),
-        owner=owner,
-        key=key,
-        measurement=body.measurement,
-    )
-    return submitted(job_resource(shared.store, row), "/v1/charts", new=new)
+    return await enqueued(shared, CHART, body, owner, key)
 
 
 @routes.get(

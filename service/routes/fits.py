@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Query, Response
 
-from lobefit.service.answers import job_resource
 from lobefit.service.catalogue import check_models
 from lobefit.service.resources import Curves, Fit, FitPage, Sphere
 from lobefit.service.routes.common import (
@@ -21,9 +20,8 @@ from lobefit.service.routes.common import (
     check_measurements,
     problems,
     router,
-    submitted,
 )
-from lobefit.service.routes.waiting import job_of, listed, waiting_routes
+from lobefit.service.routes.waiting import enqueued, job_of, listed, waiting_routes
 from lobefit.service.rows import FIT, State
 from lobefit.service.schemas import FitRequest, FitSettings
 from lobefit.service.state import Shared, SharedState, owner
@@ -62,15 +60,7 @@ async def submit(
     """
     check_measurements(shared.store, [(body.measurement, ("measurement",))])
     check_models(await shared.catalogue(), models_of(body), [(body.options, ("options",))])
-    row, new = await shared.write(
-        shared.store.submit,
-        FIT,
-        body.model_dump(mode="json"),
-        owner=owner,
-        key=key,
-        measurement=body.measurement,
-    )
-    return submitted(job_resource(shared.store, row), "/v1/fits", new=new)
+    return await enqueued(shared, FIT, body, owner, key)
 
 
 @routes.get(

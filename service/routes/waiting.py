@@ -14,12 +14,13 @@ from lobefit.service.answers import WAITERS, job_resource
 from lobefit.service.downloads import file_response, zip_response
 from lobefit.service.events import event_stream
 from lobefit.service.problems import Problem
-from lobefit.service.routes.common import BINARY, Cursor, Id, Keep, problems, router
+from lobefit.service.routes.common import BINARY, Cursor, Id, Keep, Key, problems, router, submitted
 from lobefit.service.rows import ENDED, JobRow, NotFound
+from lobefit.service.schemas import ChartRequest, FitRequest
 from lobefit.service.state import Shared, SharedState
 from lobefit.service.store import Store
 
-__all__ = ["job_of", "listed", "waiting_routes"]
+__all__ = ["enqueued", "job_of", "listed", "waiting_routes"]
 
 _FILES = {
     kind: BINARY
@@ -40,6 +41,21 @@ def job_of(store: Store, kind: str, id: str) -> JobRow:
     if row.kind != kind:
         raise NotFound(f"there is no such {WAITERS[kind].noun}")
     return row
+
+
+async def enqueued(
+    shared: Shared, kind: str, body: FitRequest | ChartRequest, owner: str, key: Key
+) -> JSONResponse:
+    """Put a job into the queue and answer that it waits there."""
+    row, new = await shared.write(
+        shared.store.submit,
+        kind,
+        body.model_dump(mode="json"),
+        owner=owner,
+        key=key,
+        measurement=body.measurement,
+    )
+    return submitted(job_resource(shared.store, row), WAITERS[kind].path, new=new)
 
 
 def listed(shared: Shared, kind: str, limit: int, cursor: Cursor, **only: str | None) -> Any:
