@@ -21,7 +21,7 @@ from lobefit.kernels.surface import Shading
 
 __all__ = ["SAME", "Answer", "Combination", "answer_for"]
 
-SAME = 1.5
+SAME = 2.0
 SHADINGS = ("flat", "gouraud", "phong")
 
 
