@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lobefit import __version__
 from lobefit.fitting.figure import ACCENT, DARK, DPI, GREY, LIGHT
+from lobefit.fitting.pictures import new_figure, write_png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,8 +29,7 @@ LONGEST = 34
 
 def write_batch_figure(path: Path, rows: Rows) -> None:
     """Draw items and write a PNG; the same rows give the same bytes."""
-    figure = draw_batch(rows)
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": f"lobefit {__version__}"})
+    write_png(path, draw_batch(rows), DPI)
 
 
 def draw_batch(rows: Rows) -> Figure:
@@ -47,9 +46,6 @@ def draw_batch(rows: Rows) -> Figure:
     matplotlib.figure.Figure
         With its own Agg canvas.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     chosen = Counter(row["model"] for row in rows if row.get("model"))
     # The most frequent first; equal ones by name.
     models = sorted(chosen, key=lambda name: (-chosen[name], name))
@@ -57,17 +53,8 @@ def draw_batch(rows: Rows) -> Figure:
     longest = 0.06 * max([len(name) for name in models], default=1)
     height = ROW * min(max(len(rows), 4), MOST) + 1.0 + longest
     widths = [max(0.2 * len(models), 0.8), 2.6, 1.8]
-    figure = Figure(figsize=(max(sum(widths) + names + 0.6, 6.4), height), layout="constrained")
-    FigureCanvasAgg(figure)
-    failed = sum(_has_failed(row) for row in rows)
-    ended = sum(not row.get("model") and row.get("status") == "cancelled" for row in rows)
-    figure.suptitle(
-        _title(rows, failed, ended),
-        fontsize=9,
-        color=DARK,
-        x=0.01,
-        ha="left",
-    )
+    figure = new_figure(max(sum(widths) + names + 0.6, 6.4), height)
+    figure.suptitle(_title(rows), fontsize=9, color=DARK, x=0.01, ha="left")
     left, middle, right = figure.subplots(1, 3, sharey=True, width_ratios=widths)
     _draw_models(left, rows, models, chosen)
     _draw_errors(middle, rows)
@@ -84,7 +71,9 @@ def draw_batch(rows: Rows) -> Figure:
     return figure
 
 
-def _title(rows: Rows, failed: int, cancelled: int) -> str:
+def _title(rows: Rows) -> str:
+    failed = sum(_has_failed(row) for row in rows)
+    cancelled = sum(not row.get("model") and row.get("status") == "cancelled" for row in rows)
     fitted = len(rows) - failed - cancelled
     poor = sum(row.get("described") is False for row in rows)
     said = [f"{fitted} fitted" + (f" ({poor} of them described by no model)" if poor else "")]

@@ -12,8 +12,7 @@ import json
 from pathlib import Path
 
 from lobefit.fitting.albedo_picture import write_albedo
-from lobefit.fitting.artefacts import write_together
-from lobefit.fitting.document import to_json
+from lobefit.fitting.artefacts import Makers, save_together, write_json
 from lobefit.fitting.export.fitted import Fitted
 from lobefit.fitting.exr import SRGB, exr_name, write_exr
 from lobefit.fitting.scene import Decision
@@ -26,7 +25,7 @@ LAYERS_SCHEMA = "lobefit.scene-layers/1"
 
 def save_decision(decision: Decision, folder: Path) -> dict[str, Path]:
     """Write everything about a decision into a folder, which is made if it does not exist."""
-    makers = {
+    makers: Makers = {
         "figure": ("scene.png", lambda path: write_decision(path, decision)),
         "picture": ("beauty.png", lambda path: _write_picture(path, decision)),
         "layers": ("scene.exr", lambda path: write_layers(path, decision)),
@@ -34,10 +33,9 @@ def save_decision(decision: Decision, folder: Path) -> dict[str, Path]:
             "albedo.exr",
             lambda path: write_albedo(path, _shown(decision)),
         ),
-        "decision": ("decision.json", lambda path: _write_document(path, decision)),
+        "decision": ("decision.json", lambda path: write_json(path, decision.to_dict())),
     }
-    write_together(folder, dict(makers.values()))
-    return {kind: folder / name for kind, (name, _) in makers.items()}
+    return save_together(folder, makers)
 
 
 def _shown(decision: Decision) -> list[Fitted]:
@@ -95,7 +93,3 @@ def _write_picture(path: Path, decision: Decision) -> None:
     shown = decision.chosen or decision.cheaper
     assert shown is not None
     imsave(path, tone_mapped(decision, shown.rendering.beauty), format="png")
-
-
-def _write_document(path: Path, decision: Decision) -> None:
-    path.write_text(to_json(decision.to_dict()) + "\n", encoding="utf-8")

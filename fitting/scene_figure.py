@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lobefit import __version__
+from lobefit.fitting.pictures import new_figure, write_png
 from lobefit.fitting.scene import Decision, Shown
 from lobefit.fitting.scene_answer import Combination
 from lobefit.fitting.scene_colour import MEASURES, encoded
@@ -44,8 +44,7 @@ def tone_mapped(decision: Decision, radiance: Any) -> Array:
 
 def write_decision(path: Path, decision: Decision) -> None:
     """Draw the answer and write it as PNG."""
-    figure = draw_decision(decision)
-    figure.savefig(path, format="png", dpi=DPI, metadata={"Software": f"lobefit {__version__}"})
+    write_png(path, draw_decision(decision), DPI)
 
 
 def draw_decision(decision: Decision) -> Figure:
@@ -61,9 +60,6 @@ def draw_decision(decision: Decision) -> Figure:
     matplotlib.figure.Figure
         With its own Agg canvas; no global state of matplotlib is touched.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     camera = decision.request.camera
     shown = [
         (title, c, s)
@@ -81,8 +77,7 @@ def draw_decision(decision: Decision) -> Figure:
     top = 0.2 + 0.19 * len(head)
     panel = min(max(3.6 * camera.height / camera.width, 2.2), 5.0)
     width = 3.9 * (1 + len(shown)) + 0.6
-    figure = Figure(figsize=(width, top + 2 * panel + 0.9), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(width, top + 2 * panel + 0.9)
     parts = figure.add_gridspec(2, 1, height_ratios=[top, 2 * panel + 0.9])
     words, body = figure.add_subfigure(parts[0]), figure.add_subfigure(parts[1])
     for k, line in enumerate(head):

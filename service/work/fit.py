@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from lobefit.fitting import FitReport, FitResult, Measurement, fit, sample
 from lobefit.fitting.albedo_picture import write_albedo
-from lobefit.fitting.artefacts import write_together
-from lobefit.fitting.document import to_json
+from lobefit.fitting.artefacts import write_json, write_together
 from lobefit.fitting.figure import write_figure
 from lobefit.fitting.lobes import write_lobes
 from lobefit.fitting.posterior import Posterior
@@ -80,12 +79,11 @@ def perform(task: Task) -> Outcome:
 
 def _write_report(task: Task, report: FitReport) -> None:
     """Give out report and samples; what comes after takes longer than the fit itself."""
-    text = to_json(report.to_dict()) + "\n"
     _give(
         task,
         {
             "samples.csv": lambda path: write_measurement(report.measurement, path),
-            "report.json": lambda path: path.write_text(text, encoding="utf-8"),
+            "report.json": lambda path: write_json(path, report.to_dict()),
         },
     )
 
