@@ -195,8 +195,9 @@ def _check_enough(table: Table) -> None:
             )
     directions = len(table.lines)
     if directions < MIN_DIRECTIONS:
+        why = f" (left out: {table.left_out})" if table.dropped else ""
         raise table.error(
-            f"only {count_of(directions, 'distinct direction')}",
+            f"only {count_of(directions, 'distinct direction')}{why}",
             row=int(table.lines[0]),
             expected=f"at least {MIN_DIRECTIONS}, and more than a model has parameters",
         )

@@ -64,9 +64,13 @@ class Table:
         first = tuple(self.lines[rows][:_ROWS_KEPT].tolist())
         self.dropped.append(Dropped(rule, first, count))
         if count == len(self.lines):
-            why = "; ".join(f"{count_of(d.count, 'row')} {d.rule}" for d in self.dropped)
-            raise self.error(f"no row is left: {why}", row=first[0])
+            raise self.error(f"no row is left: {self.left_out}", row=first[0])
         self.keep(~rows)
+
+    @property
+    def left_out(self) -> str:
+        """Say which rules removed how many rows; empty where none did."""
+        return "; ".join(f"{count_of(d.count, 'row')} {d.rule}" for d in self.dropped)
 
     def error(
         self,

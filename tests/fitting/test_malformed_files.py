@@ -135,6 +135,7 @@ FILES: list[tuple[str, bytes, int | None, str | None, str]] = [
     ("channel of fill values", table(*[row + ",-999" for row in ROWS], head=HEAD + ",G"), None, "G", "the channel has no value in any of 6 usable rows (channel G: 6 cells with the fill value -999 taken as missing (lines 2, 3, 4, 5, 6 and 1 more)) (expected a number in most rows; remove the column if it was not measured)"),
     ("channel never positive", table(*[row + f",-0.{k}1" for k, row in enumerate(ROWS)], head=HEAD + ",G"), 2, "G", "the channel has no positive value (expected a BRDF in 1/sr, positive somewhere; remove the column otherwise)"),
     ("four directions", table(*ROWS[:4]), 2, None, "only 4 distinct directions (expected at least 5, and more than a model has parameters)"),
+    ("four directions, the others below the horizon", table(*ROWS[:4], "10,0,95,180,0.1"), 2, None, "only 4 distinct directions (left out: 1 row at or below the horizon) (expected at least 5, and more than a model has parameters)"),
     ("one direction many times", table(*ROWS[:1] * 20), 2, None, "only 1 distinct direction (expected at least 5, and more than a model has parameters)"),
     ("pole only", table(*[f"0,0,0,{10 * k},0.3" for k in range(20)]), 2, None, "only 1 distinct direction (expected at least 5, and more than a model has parameters)"),
     ("all below the horizon", table(*["95,0,20,180,0.1", "10,0,90,180,0.2"] * 4), 2, None, "no row is left: 8 rows at or below the horizon"),
